@@ -1,0 +1,107 @@
+"""The ancillary law: linearisation, forward Euler and the discrete LQR, (4-11) to (4-16)."""
+
+import dataclasses as dc
+
+import numpy as np
+from pydrake.math import DiscreteAlgebraicRiccatiEquation
+
+from mirte_drake.model.sparse_model import SparseModel
+
+
+@dc.dataclass(frozen=True)
+class DlqrDesign:
+    """Gain and closed loop at one linearisation point; arrays are not to be written to."""
+
+    yaw: float  # [rad] of the linearisation point.
+    gain: np.ndarray  # (m, n) K_k [pwm per state unit].
+    closed_loop: np.ndarray  # (n, n) A_k - B_k K_k.
+
+
+def discretise_euler(
+    A: np.ndarray, B: np.ndarray, period: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns A_k = I + T_s A and B_k = T_s B, forward Euler (4-12)."""
+    return np.eye(len(A)) + period * A, period * B
+
+
+def solve_dlqr(
+    A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns the infinite-horizon gain K (4-14) and Riccati matrix P (4-13).
+
+    Args:
+        A: (n, n) discrete-time system.
+        B: (n, m)
+        Q: (n, n) state weight, positive definite.
+        R: (m, m) input weight, positive definite.
+
+    Raises:
+        ValueError: when a matrix is not finite, or (A, B) cannot be stabilised.
+    """
+    if not all(np.all(np.isfinite(matrix)) for matrix in (A, B, Q, R)):
+        raise ValueError("DLQR: a matrix is not finite")
+    check_stabilisable(A, B)
+    P = DiscreteAlgebraicRiccatiEquation(A, B, Q, R)
+    K = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
+    return K, P
+
+
+def check_stabilisable(A: np.ndarray, B: np.ndarray, tolerance: float = 1e-9) -> None:
+    """Checks by the Popov-Belevitch-Hautus test that every unstable mode can be moved.
+
+    Drake's Riccati solver ends the process on such a pair, so the test comes first.
+
+    Raises:
+        ValueError: naming the mode that no input reaches.
+    """
+    n = len(A)
+    for eigenvalue in np.linalg.eigvals(A):
+        if abs(eigenvalue) < 1.0 - tolerance:
+            continue
+        pencil = np.hstack([eigenvalue * np.eye(n) - A, B])
+        if np.linalg.svd(pencil, compute_uv=False)[-1] < tolerance:
+            raise ValueError(
+                f"DLQR: the pair (A, B) cannot be stabilised: no input reaches the mode with "
+                f"eigenvalue {eigenvalue:.6g}"
+            )
+
+
+def design_dlqr(
+    model: SparseModel, x: np.ndarray, u: np.ndarray, period: float, Q: np.ndarray, R: np.ndarray
+) -> DlqrDesign:
+    """Returns the DLQR at a nominal state (n,) and input (m,).
+
+    Raises:
+        ValueError: as ``solve_dlqr``.
+    """
+    _, A, B = model.linearise(x, u)
+    A_k, B_k = discretise_euler(A, B, period)
+    K, _ = solve_dlqr(A_k, B_k, Q, R)
+    return DlqrDesign(float(x[2]), K, A_k - B_k @ K)
+
+
+def steady_input(model: SparseModel, velocity: np.ndarray) -> np.ndarray:
+    """Returns the smallest input (m,) that drives at a velocity (3,) at yaw 0.
+
+    Newton's method with the pseudo-inverse; velocity [m/s, m/s, rad/s].
+
+    Raises:
+        ValueError: when the model cannot drive so.
+    """
+    x, u = np.zeros(model.num_states), np.zeros(model.num_inputs)
+    for _ in range(20):
+        f, _, B = model.linearise(x, u)
+        error = velocity - f[:3]
+        if np.max(np.abs(error)) < 1e-12:
+            return u
+        u = u + np.linalg.pinv(B[:3]) @ error
+    raise ValueError(f"{model.name}: no input drives at {velocity.tolist()}")
+
+
+def straight_line_terminal_weight(
+    model: SparseModel, period: float, Q: np.ndarray, R: np.ndarray, speed: float = 0.1
+) -> np.ndarray:
+    """Returns the Riccati matrix P (n, n) of steady forward driving at yaw 0 (section 4-2)."""
+    u = steady_input(model, np.array([speed, 0.0, 0.0]))
+    _, A, B = model.linearise(np.zeros(model.num_states), u)
+    return solve_dlqr(*discretise_euler(A, B, period), Q, R)[1]

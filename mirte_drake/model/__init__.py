@@ -1,0 +1,1 @@
+"""What the robot does: pure functions and value types, no Drake systems."""

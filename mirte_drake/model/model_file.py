@@ -1,0 +1,80 @@
+"""Models as YAML files: the one place that reads and writes them."""
+
+import dataclasses as dc
+import os
+from importlib.resources import files
+from pathlib import Path
+
+from mirte_drake.errors import UserError
+from mirte_drake.model.sparse_model import SparseModel
+from mirte_drake.typed_yaml import load_typed, write_typed
+
+IDENTIFIED_MODELS = Path(str(files("mirte_drake"))) / "model" / "identified"
+
+
+@dc.dataclass
+class Identification:
+    """How a model came about."""
+
+    source: str = ""  # Where the numbers come from.
+    data_sha256: str = ""  # Checksum of the recording.
+    date: str = ""  # ISO date of the identification.
+    settings: dict[str, str] = dc.field(default_factory=dict)
+
+
+@dc.dataclass
+class ModelFile:
+    """Content of a model's YAML file."""
+
+    name: str = ""
+    states: dict[str, str] = dc.field(default_factory=dict)  # Name to unit, in order.
+    inputs: dict[str, str] = dc.field(default_factory=dict)  # Name to unit, in order.
+    auxiliaries: dict[str, dict[str, float]] = dc.field(default_factory=dict)
+    derivatives: dict[str, dict[str, float]] = dc.field(default_factory=dict)
+    identification: Identification = dc.field(default_factory=Identification)
+    training_scores: dict[str, float] = dc.field(default_factory=dict)
+
+
+def model_names() -> list[str]:
+    """Returns the names of the identified models that come with the package."""
+    return sorted(path.stem for path in IDENTIFIED_MODELS.glob("*.yaml"))
+
+
+def load_model_file(name_or_path: str | os.PathLike) -> ModelFile:
+    """Reads a model by name (see ``model_names``) or by the path of a YAML file.
+
+    Raises:
+        UserError: when there is no such model, or the file is not a model.
+    """
+    named = IDENTIFIED_MODELS / f"{name_or_path}.yaml"
+    path = named if str(name_or_path) in model_names() else Path(name_or_path)
+    if path is not named and path.suffix not in (".yaml", ".yml"):
+        raise UserError(
+            f"model {str(name_or_path)!r} is not known: use one of {', '.join(model_names())} "
+            "or the path of a .yaml file"
+        )
+    return load_typed(ModelFile, path)
+
+
+def load_model(name_or_path: str | os.PathLike) -> SparseModel:
+    """Returns the model of a name or YAML file.
+
+    Raises:
+        UserError: when there is no such model, or the file is not a model.
+    """
+    content = load_model_file(name_or_path)
+    try:
+        return SparseModel(
+            content.name,
+            list(content.states),
+            list(content.inputs),
+            content.derivatives,
+            content.auxiliaries,
+        )
+    except ValueError as error:
+        raise UserError(f"model {name_or_path}: {error}") from None
+
+
+def save_model_file(content: ModelFile, path: str | os.PathLike) -> None:
+    """Writes a model's YAML file, complete or not at all."""
+    write_typed(content, Path(path))
