@@ -17,9 +17,7 @@ class DlqrDesign:
     closed_loop: np.ndarray  # (n, n) A_k - B_k K_k.
 
 
-def discretise_euler(
-    A: np.ndarray, B: np.ndarray, period: float
-) -> tuple[np.ndarray, np.ndarray]:
+def discretise_euler(A: np.ndarray, B: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
     """Returns A_k = I + T_s A and B_k = T_s B, forward Euler (4-12)."""
     return np.eye(len(A)) + period * A, period * B
 

@@ -106,9 +106,7 @@ class NmpcProgram:
             message = f"time limit of {self._time_limit} s exceeded"
         # Solvers meet bounds within their tolerance; the tube and the input set ask for exactly.
         x0, inputs = split(self._problem, np.clip(z, lower, upper))
-        return NmpcSolution(
-            not message, message, x0, inputs, value, self._evaluations, solve_time
-        )
+        return NmpcSolution(not message, message, x0, inputs, value, self._evaluations, solve_time)
 
     def _solve(
         self, data: TrackingData, guess: np.ndarray, lower: np.ndarray, upper: np.ndarray

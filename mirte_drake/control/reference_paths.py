@@ -166,9 +166,7 @@ def slew(value: np.ndarray, target: np.ndarray, step: np.ndarray | float) -> np.
     return value + np.clip(target - value, -step, step)
 
 
-def integrate_body_velocity(
-    velocities: np.ndarray, start: np.ndarray, period: float
-) -> np.ndarray:
+def integrate_body_velocity(velocities: np.ndarray, start: np.ndarray, period: float) -> np.ndarray:
     """Returns the poses (N + 1, 3) of a robot that holds each body velocity (N, 3) for a period.
 
     Exact for the held velocity: the chord of the turned arc is travelled at the middle yaw.

@@ -143,9 +143,7 @@ def cost_and_gradient(
     return float(value), 2.0 * join(adjoint, by_inputs)
 
 
-def gauss_newton_hessian(
-    problem: TrackingProblem, data: TrackingData, z: np.ndarray
-) -> np.ndarray:
+def gauss_newton_hessian(problem: TrackingProblem, data: TrackingData, z: np.ndarray) -> np.ndarray:
     """Returns the Gauss-Newton Hessian (size, size) of the cost; positive definite."""
     n, m = problem.model.num_states, problem.model.num_inputs
     x0, inputs = split(problem, z)

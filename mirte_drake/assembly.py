@@ -1,0 +1,161 @@
+"""The only wiring: robot, controller and the Diagram of a scenario."""
+
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import ZeroOrderHold
+
+from mirte_drake.errors import UserError
+from mirte_drake.model.model_file import load_model
+from mirte_drake.robots.robot_ports import RobotPorts
+from mirte_drake.robots.sindyc_robot import AddSindycRobot
+from mirte_drake.scenario import Scenario
+from mirte_drake.systems.ancillary_dlqr import AddAncillaryDlqr
+from mirte_drake.systems.disturbance_source import AddDisturbanceSource
+from mirte_drake.systems.nominal_nmpc import AddNominalNmpc
+from mirte_drake.systems.reference_source import AddReferenceSource, ReferenceSource
+from mirte_drake.systems.tube_updater import AddTubeUpdater
+from mirte_drake.systems.velocity_setpoint import (
+    AddVelocitySetpointSource,
+    VelocitySetpointConfig,
+    VelocitySetpointSource,
+)
+from mirte_drake.systems.wheel_command_limiter import AddWheelCommandLimiter
+
+
+def AddRobot(builder: DiagramBuilder, scenario: Scenario) -> RobotPorts:
+    """Adds the robot that the scenario names and returns its ports."""
+    return AddSindycRobot(builder, scenario.robot, start=scenario.first_pose)
+
+
+def AddReference(
+    builder: DiagramBuilder, scenario: Scenario
+) -> ReferenceSource | VelocitySetpointSource:
+    """Adds the source of the reference; ports ``reference`` and ``reference_window``."""
+    timing = {"period": scenario.period, "horizon": scenario.nominal_nmpc.horizon}
+    if isinstance(scenario.reference, VelocitySetpointConfig):
+        return AddVelocitySetpointSource(builder, scenario.reference, **timing)
+    return AddReferenceSource(builder, scenario.reference, **timing)
+
+
+def MakeController(scenario: Scenario) -> Diagram:
+    """Builds the controller: nominal NMPC, ancillary DLQR, tube updater, limiter and hold.
+
+    .. pydrake_system::
+
+        name: Controller
+        input_ports:
+        - pose
+        - reference_window
+        output_ports:
+        - wheel_command
+        - plan
+        - solve_status
+        - half_width
+        - designs
+
+    ``pose`` (3,) [m, m, rad] is measured, yaw unwrapped; ``reference_window`` (3 (N+1),) holds
+    r_k, ..., r_{k+N}; ``wheel_command`` (4,) [pwm] is held for T_s. At a sample everything
+    follows from the pose at that instant. ``half_width`` is there with a tube, ``designs`` with
+    an ancillary law; the baseline NMPC has neither.
+
+    Raises:
+        UserError: when the prediction model has states beside the pose, or cannot be read.
+        ValueError: when a config is out of range.
+    """
+    model = load_model(scenario.prediction_model)
+    if model.num_states != 3:
+        raise UserError(
+            f"prediction_model: {scenario.prediction_model!r} has states beside the pose "
+            f"({', '.join(model.states[3:])}), which the robot does not measure; "
+            "use kinematic or extended_kinematic"
+        )
+    period, horizon, limit = scenario.period, scenario.nominal_nmpc.horizon, scenario.input_limit
+    builder = DiagramBuilder()
+    nmpc = AddNominalNmpc(builder, scenario.nominal_nmpc, model, period=period, input_limit=limit)
+    limiter = AddWheelCommandLimiter(builder, scenario.wheel_command_limiter, input_limit=limit)
+    hold = builder.AddNamedSystem("command_hold", ZeroOrderHold(period, model.num_inputs))
+
+    builder.ExportInput(nmpc.GetInputPort("state"), "pose")
+    builder.ExportInput(nmpc.GetInputPort("reference_window"), "reference_window")
+    builder.Connect(limiter.GetOutputPort("limited_command"), hold.get_input_port())
+    builder.Connect(hold.get_output_port(), nmpc.GetInputPort("applied_input"))
+    builder.ExportOutput(hold.get_output_port(), "wheel_command")
+    builder.ExportOutput(nmpc.GetOutputPort("plan"), "plan")
+    builder.ExportOutput(nmpc.GetOutputPort("solve_status"), "solve_status")
+
+    command = nmpc.GetOutputPort("nominal_input")
+    tube = scenario.tube_updater
+    if scenario.ancillary_dlqr is not None:
+        stagewise = tube is not None and tube.tightening_over_horizon == "stagewise"
+        ancillary = AddAncillaryDlqr(
+            builder,
+            scenario.ancillary_dlqr,
+            model,
+            period=period,
+            stages=horizon if stagewise else 1,
+        )
+        builder.Connect(nmpc.GetOutputPort("plan"), ancillary.GetInputPort("plan"))
+        builder.ConnectInput("pose", ancillary.GetInputPort("state"))
+        builder.ExportOutput(ancillary.GetOutputPort("designs"), "designs")
+        command = ancillary.GetOutputPort("wheel_command")
+    builder.Connect(command, limiter.GetInputPort("wheel_command"))
+    if tube is not None:
+        updater = AddTubeUpdater(builder, tube, period=period, horizon=horizon, input_limit=limit)
+        builder.Connect(ancillary.GetOutputPort("designs"), updater.GetInputPort("designs"))
+        for port in ("half_width", "input_lower", "input_upper"):
+            builder.Connect(updater.GetOutputPort(port), nmpc.GetInputPort(port))
+        builder.ExportOutput(updater.GetOutputPort("half_width"), "half_width")
+    controller = builder.Build()
+    controller.set_name("controller")
+    return controller
+
+
+def AddController(builder: DiagramBuilder, scenario: Scenario) -> Diagram:
+    """Adds the controller of ``MakeController``; the caller connects its ports."""
+    return builder.AddNamedSystem("controller", MakeController(scenario))
+
+
+def MakeDiagram(scenario: Scenario) -> Diagram:
+    """Wires reference, controller, disturbance and robot of a scenario.
+
+    .. pydrake_system::
+
+        name: Diagram
+        output_ports:
+        - reference
+        - pose
+        - body_velocity
+        - wheel_command
+        - plan
+        - disturbance
+
+    The controller's further outputs (``half_width``, ``designs``, ``solve_status``) are exported
+    too where it has them.
+
+    Raises:
+        ValueError: when the scenario is out of range; UserError is one.
+    """
+    scenario.validate()
+    builder = DiagramBuilder()
+    reference = AddReference(builder, scenario)
+    controller = AddController(builder, scenario)
+    robot = AddRobot(builder, scenario)
+    builder.Connect(
+        reference.GetOutputPort("reference_window"), controller.GetInputPort("reference_window")
+    )
+    builder.Connect(controller.GetOutputPort("wheel_command"), robot.wheel_command)
+    builder.Connect(robot.pose, controller.GetInputPort("pose"))
+    if robot.disturbance is not None:
+        source = AddDisturbanceSource(
+            builder, scenario.disturbance, period=scenario.period, seed=scenario.seed
+        )
+        builder.Connect(source.GetOutputPort("disturbance"), robot.disturbance)
+        builder.ExportOutput(source.GetOutputPort("disturbance"), "disturbance")
+    builder.ExportOutput(reference.GetOutputPort("reference"), "reference")
+    builder.ExportOutput(robot.pose, "pose")
+    builder.ExportOutput(robot.body_velocity, "body_velocity")
+    for index in range(controller.num_output_ports()):
+        port = controller.get_output_port(index)
+        builder.ExportOutput(port, port.get_name())
+    diagram = builder.Build()
+    diagram.set_name("mirte_drake")
+    return diagram

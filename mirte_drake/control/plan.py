@@ -1,0 +1,124 @@
+"""The nominal plan of one sample, and what replaces it when a solve fails."""
+
+import dataclasses as dc
+import enum
+
+import numpy as np
+
+from mirte_drake.control.nmpc_program import NmpcSolution, shift
+from mirte_drake.control.reference_paths import slew
+from mirte_drake.control.tracking_problem import TrackingData, TrackingProblem, split
+
+MAX_SHIFTS = 3
+
+
+class SolveStatus(enum.IntEnum):
+    """Where the plan of a sample comes from."""
+
+    SOLVED = 0  # From the solver.
+    SHIFTED = 1  # The solve failed: the previous plan, moved on by one sample.
+    STOPPING = 2  # More than MAX_SHIFTS in a row failed: the wheels ramp to zero.
+
+
+@dc.dataclass(frozen=True)
+class Plan:
+    """Nominal states and inputs over the horizon, with the problem they answer.
+
+    Arrays are not to be written to.
+    """
+
+    sample: int  # Number of the solve, from 0; -1 before the first.
+    status: SolveStatus
+    message: str  # Why the solve failed, or empty.
+    states: np.ndarray  # (N + 1, n) xhat_k, xbar_{k+1}, ...
+    inputs: np.ndarray  # (N, m) [pwm]
+    data: TrackingData  # What was solved.
+    failures: int = 0  # Failed solves in a row.
+    cost: float = np.nan
+    iterations: int = 0
+    solve_time: float = 0.0  # [s]
+
+    @property
+    def nominal_state(self) -> np.ndarray:
+        """Optimised nominal initial state xhat_k (n,)."""
+        return self.states[0]
+
+    @property
+    def nominal_next(self) -> np.ndarray:
+        """Nominal successor xbar_{k+1} (n,)."""
+        return self.states[1]
+
+    @property
+    def nominal_input(self) -> np.ndarray:
+        """Nominal input ubar_k (m,) [pwm]."""
+        return self.inputs[0]
+
+
+def idle_plan(problem: TrackingProblem) -> Plan:
+    """Returns the plan before the first solve: at the origin, wheels at rest."""
+    n, m, N = problem.model.num_states, problem.model.num_inputs, problem.horizon
+    zeros = np.zeros((N, m))
+    data = TrackingData(np.zeros(n), np.zeros((N + 1, 3)), np.zeros(n), zeros, zeros, np.zeros(m))
+    return Plan(-1, SolveStatus.STOPPING, "no solve yet", np.zeros((N + 1, n)), zeros, data)
+
+
+def warm_start(problem: TrackingProblem, previous: Plan, state: np.ndarray) -> np.ndarray:
+    """Returns the decision vector that the next solve begins from: the plan moved on."""
+    if previous.status is SolveStatus.STOPPING:
+        return shift(problem, state, previous.inputs)
+    return shift(problem, previous.nominal_next, previous.inputs)
+
+
+def next_plan(
+    problem: TrackingProblem,
+    previous: Plan,
+    data: TrackingData,
+    solution: NmpcSolution,
+    applied_input: np.ndarray,
+) -> Plan:
+    """Returns the plan of a sample: the solution, or its documented fallback.
+
+    After a failed solve the previous plan is moved on by one sample, at most ``MAX_SHIFTS``
+    times in a row. From then on the wheels ramp to zero within the rate limit, from the last
+    applied input, and the nominal state follows the measurement, so that the ancillary law adds
+    nothing. The first solve that succeeds ends the fallback.
+
+    Args:
+        problem: The problem.
+        previous: The plan of the sample before.
+        data: The sample's problem data.
+        solution: What the solver gave.
+        applied_input: (m,) [pwm] what the wheels were last told.
+    """
+    failures = 0 if solution.success else previous.failures + 1
+    if solution.success:
+        status, x0, inputs = SolveStatus.SOLVED, solution.initial_state, solution.inputs
+    elif failures <= MAX_SHIFTS and previous.status is not SolveStatus.STOPPING:
+        status = SolveStatus.SHIFTED
+        x0, inputs = split(problem, warm_start(problem, previous, data.state))
+    else:
+        status = SolveStatus.STOPPING
+        measured = np.all(np.isfinite(data.state))
+        x0 = data.state if measured else previous.nominal_next
+        inputs = _ramp_to_zero(problem, applied_input)
+    return Plan(
+        previous.sample + 1,
+        status,
+        solution.message,
+        problem.model.roll_out(x0, inputs, problem.period),
+        inputs,
+        data,
+        failures,
+        solution.cost,
+        solution.iterations,
+        solution.solve_time,
+    )
+
+
+def _ramp_to_zero(problem: TrackingProblem, applied_input: np.ndarray) -> np.ndarray:
+    command = np.nan_to_num(applied_input, nan=0.0, posinf=0.0, neginf=0.0)
+    inputs = np.empty((problem.horizon, problem.model.num_inputs))
+    for i in range(problem.horizon):
+        command = slew(command, np.zeros_like(command), problem.rate_limit)
+        inputs[i] = command
+    return inputs

@@ -1,0 +1,1 @@
+"""Anything with a wheel_command input and a pose output, simulated or real."""

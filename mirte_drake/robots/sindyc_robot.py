@@ -1,0 +1,147 @@
+"""A simulated robot that moves as an identified model says, plus a disturbance (4-1)."""
+
+import dataclasses as dc
+
+import numpy as np
+from pydrake.systems.framework import BasicVector_, DiagramBuilder, LeafSystem_
+from pydrake.systems.scalar_conversion import TemplateSystem
+
+from mirte_drake.checks import check_array
+from mirte_drake.model.model_file import load_model
+from mirte_drake.model.sparse_model import SparseModel
+from mirte_drake.robots.robot_ports import RobotPorts
+
+
+@dc.dataclass
+class SindycRobotConfig:
+    """Config of SindycRobot."""
+
+    model: str = "extended_kinematic"  # Name of an identified model, or path of a YAML file.
+    # (3,) [m, m, rad] or null: the first pose of the reference.
+    initial_pose: np.ndarray | None = None
+
+    def validate(self) -> None:
+        """Raises ValueError when a value is out of range."""
+        if self.initial_pose is not None:
+            check_array("initial_pose", self.initial_pose, (3,))
+
+
+def _turn(yaw: object, vector: np.ndarray, direction: int) -> list:
+    """Returns R(yaw) v (direction 1) or R(yaw)' v (direction -1), for any scalar type."""
+    cos, sin = np.cos(yaw), direction * np.sin(yaw)
+    return [
+        cos * vector[0] - sin * vector[1],
+        sin * vector[0] + cos * vector[1],
+        vector[2],
+    ]
+
+
+@TemplateSystem.define("SindycRobot_")
+def SindycRobot_(T):  # type: ignore[no-untyped-def] # noqa: ANN001, ANN201
+    """Template of SindycRobot over the scalar types float, AutoDiffXd and Expression."""
+
+    class Impl(LeafSystem_[T]):  # type: ignore[misc, valid-type]
+        """Integrates xdot = f(x, u) + R(yaw) w in continuous time.
+
+        .. pydrake_system::
+
+            name: SindycRobot
+            input_ports:
+            - wheel_command
+            - disturbance
+            output_ports:
+            - pose
+            - state
+            - body_velocity
+
+        ==================  ===========  ==================  ================================
+        port                type         unit                meaning
+        ==================  ===========  ==================  ================================
+        wheel_command (in)  vector (4,)  [pwm]               u
+        disturbance (in)    vector (3,)  [m/s, m/s, rad/s]   w, body frame; open: zero
+        pose                vector (3,)  [m, m, rad]         world frame, yaw unwrapped
+        state               vector (n,)  model's             continuous state x
+        body_velocity       vector (3,)  [m/s, m/s, rad/s]   R(yaw)' times the pose's derivative
+        ==================  ===========  ==================  ================================
+
+        ``pose`` and ``state`` have no feedthrough. Of a dynamic model the disturbance moves the
+        pose, not the velocity states.
+        """
+
+        def _construct(
+            self, model: SparseModel, initial_state: np.ndarray, converter: object = None
+        ) -> None:
+            LeafSystem_[T].__init__(self, converter=converter)
+            self._model, self._initial_state = model, np.array(initial_state, dtype=float)
+            n = model.num_states
+            check_array("initial_state", self._initial_state, (n,))
+            self._command_input = self.DeclareVectorInputPort("wheel_command", model.num_inputs)
+            self._disturbance_input = self.DeclareVectorInputPort("disturbance", 3)
+            state = self.DeclareContinuousState(BasicVector_[T](self._initial_state))
+            x = {self.xc_ticket()}
+            self.DeclareVectorOutputPort("pose", 3, self._calc_pose, x)
+            self.DeclareStateOutputPort("state", state)
+            self.DeclareVectorOutputPort(
+                "body_velocity",
+                3,
+                self._calc_body_velocity,
+                x | {self._command_input.ticket(), self._disturbance_input.ticket()},
+            )
+
+        def _construct_copy(self, other: object, converter: object = None) -> None:
+            Impl._construct(self, other._model, other._initial_state, converter)  # type: ignore[attr-defined]
+
+        def _derivative(self, context) -> np.ndarray:  # type: ignore[no-untyped-def] # noqa: ANN001
+            x = context.get_continuous_state_vector().CopyToVector()
+            derivative = self._model.derivative(x, self._command_input.Eval(context))
+            if self._disturbance_input.HasValue(context):
+                drift = _turn(x[2], self._disturbance_input.Eval(context), 1)
+                derivative = np.concatenate([derivative[:3] + drift, derivative[3:]])
+            return derivative
+
+        def DoCalcTimeDerivatives(self, context, derivatives) -> None:  # type: ignore[no-untyped-def] # noqa: ANN001
+            """Gives f(x, u) + R(yaw) w."""
+            derivatives.SetFromVector(self._derivative(context))
+
+        def _calc_pose(self, context, output) -> None:  # type: ignore[no-untyped-def] # noqa: ANN001
+            output.SetFromVector(context.get_continuous_state_vector().CopyToVector()[:3])
+
+        def _calc_body_velocity(self, context, output) -> None:  # type: ignore[no-untyped-def] # noqa: ANN001
+            yaw = context.get_continuous_state_vector().GetAtIndex(2)
+            output.SetFromVector(_turn(yaw, self._derivative(context)[:3], -1))
+
+    return Impl
+
+
+SindycRobot = SindycRobot_[None]
+
+
+def AddSindycRobot(
+    builder: DiagramBuilder,
+    config: SindycRobotConfig,
+    *,
+    start: np.ndarray,
+    name: str = "sindyc_robot",
+) -> RobotPorts:
+    """Adds a SindycRobot to ``builder`` and returns its ports.
+
+    Args:
+        builder: The builder.
+        config: The config.
+        start: (3,) [m, m, rad] initial pose where the config has none; velocities begin at zero.
+        name: Name of the system.
+
+    Raises:
+        ValueError: when ``config`` is out of range.
+    """
+    config.validate()
+    model = load_model(config.model)
+    pose = start if config.initial_pose is None else config.initial_pose
+    initial_state = np.concatenate([pose, np.zeros(model.num_states - 3)])
+    robot = builder.AddNamedSystem(name, SindycRobot(model, initial_state))
+    return RobotPorts(
+        wheel_command=robot.GetInputPort("wheel_command"),
+        pose=robot.GetOutputPort("pose"),
+        body_velocity=robot.GetOutputPort("body_velocity"),
+        disturbance=robot.GetInputPort("disturbance"),
+    )

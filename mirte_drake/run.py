@@ -1,0 +1,157 @@
+"""One run: build, simulate, log, summarise, save."""
+
+import dataclasses as dc
+import importlib.metadata
+import json
+import platform
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, Diagram
+
+import mirte_drake
+from mirte_drake.angles import pose_error
+from mirte_drake.assembly import MakeDiagram
+from mirte_drake.control.dlqr import DlqrDesign
+from mirte_drake.control.plan import Plan, SolveStatus
+from mirte_drake.scenario import Scenario
+from mirte_drake.systems.nominal_nmpc import NominalNmpc
+from mirte_drake.typed_yaml import replacing, write_typed
+
+# Room for rounding where the controller meets a bound exactly, and for the solvers' tolerance on
+# the rate constraints [pwm].
+ROUNDING = 1e-9
+RATE_TOLERANCE = 1e-5
+
+
+@dc.dataclass(frozen=True)
+class Run:
+    """What one run gave: arrays with one row per sample, and how it came about."""
+
+    name: str
+    scenario: Scenario
+    log: dict[str, np.ndarray]
+    rate_limit: np.ndarray  # (4,) [pwm_per_sample]
+    wall_time: float  # [s]
+
+
+def simulate(scenario: Scenario, name: str, on_sample: Callable[[], object] = lambda: None) -> Run:
+    """Simulates a scenario and logs every sample.
+
+    Args:
+        scenario: What to run.
+        name: Name for the summary.
+        on_sample: Called after each sample, for a progress bar.
+
+    Raises:
+        ValueError: when the scenario cannot be built; UserError is one.
+    """
+    start = time.perf_counter()
+    diagram = MakeDiagram(scenario)
+    simulator = Simulator(diagram)
+    simulator.get_mutable_integrator().set_target_accuracy(scenario.integration_accuracy)
+    rows = []
+    simulator.Initialize()
+    for k in range(scenario.steps):
+        simulator.AdvanceTo(k * scenario.period)
+        # Runs the updates of this instant now, so that the plan and the command logged are those
+        # that follow from the pose logged.
+        simulator.AdvancePendingEvents()
+        rows.append(_sample(diagram, simulator.get_context()))
+        on_sample()
+    log = {key: np.array([row[key] for row in rows]) for key in rows[0]}
+    nmpc = diagram.GetSubsystemByName("controller").GetSubsystemByName("nominal_nmpc")
+    assert isinstance(nmpc, NominalNmpc)
+    return Run(name, scenario, log, nmpc.problem.rate_limit, time.perf_counter() - start)
+
+
+def _sample(diagram: Diagram, context: Context) -> dict[str, object]:
+    def evaluate(port: str) -> object:
+        return diagram.GetOutputPort(port).Eval(context)
+
+    plan = evaluate("plan")
+    assert isinstance(plan, Plan)
+    gain = np.zeros((plan.inputs.shape[1], plan.states.shape[1]))
+    if diagram.HasOutputPort("designs"):
+        designs: tuple[DlqrDesign, ...] = evaluate("designs")  # type: ignore[assignment]
+        gain = designs[0].gain
+    return {
+        "time": context.get_time(),
+        "reference": evaluate("reference"),
+        "pose": evaluate("pose"),
+        "nominal_pose": plan.nominal_state[:3],
+        "nominal_next": plan.nominal_next[:3],
+        "nominal_plan": plan.inputs,
+        "nominal_input": plan.nominal_input,
+        "applied_input": evaluate("wheel_command"),
+        "gain": gain,
+        "half_width": plan.data.half_width,
+        "input_lower": plan.data.input_lower[0],
+        "input_upper": plan.data.input_upper[0],
+        "disturbance": evaluate("disturbance"),
+        "solve_time_s": plan.solve_time,
+        "iterations": plan.iterations,
+        "status": int(plan.status),
+    }
+
+
+def summarise(run: Run) -> dict[str, object]:
+    """Returns the summary of a run, as written to ``summary.json``."""
+    log, limit = run.log, run.scenario.input_limit
+    error = pose_error(log["pose"], log["reference"])
+    rmse = np.sqrt(np.mean(error**2, axis=0))
+    tube_error = np.abs(pose_error(log["pose"], log["nominal_pose"]))
+    successor_error = np.abs(pose_error(log["pose"][1:], log["nominal_next"][:-1]))
+    moves = np.abs(np.diff(log["nominal_input"], axis=0, prepend=0.0))
+    p50, p99, slowest = np.percentile(1e3 * log["solve_time_s"], [50, 99, 100])
+    return {
+        "scenario": run.name,
+        "seed": run.scenario.seed,
+        "steps": len(log["time"]),
+        "simulated_time_s": float(log["time"][-1]),
+        "wall_time_s": run.wall_time,
+        "rmse": {"x_m": rmse[0], "y_m": rmse[1], "yaw_rad": rmse[2]},
+        "solve_time_ms": {"p50": p50, "p99": p99, "max": slowest},
+        "solver": run.scenario.nominal_nmpc.solver,
+        "solve_failures": _count(log["status"] != SolveStatus.SOLVED),
+        "tube_violations": _count(tube_error > log["half_width"] + ROUNDING),
+        "successor_violations": _count(successor_error > log["half_width"][1:] + ROUNDING),
+        "input_violations": _count(np.abs(log["applied_input"]) > limit + ROUNDING),
+        "rate_violations": _count(moves > run.rate_limit + RATE_TOLERANCE),
+        "versions": versions(),
+    }
+
+
+def _count(violated: np.ndarray) -> int:
+    """Number of samples in which any entry is violated."""
+    return int(np.sum(violated.reshape(len(violated), -1).any(axis=1)))
+
+
+def versions() -> dict[str, str]:
+    """Returns the versions that the numbers depend on."""
+    return {
+        "mirte_drake": mirte_drake.__version__,
+        "python": platform.python_version(),
+        **{name: importlib.metadata.version(name) for name in ("drake", "numpy", "scipy")},
+    }
+
+
+def save_run(run: Run, folder: Path) -> dict[str, object]:
+    """Writes ``log.npz``, ``summary.json`` and ``scenario.yaml``, each complete or not at all.
+
+    Returns:
+        The summary.
+
+    Raises:
+        UserError: when the folder cannot be written.
+    """
+    summary = summarise(run)
+    with replacing(folder / "log.npz") as path:
+        np.savez_compressed(path, **run.log)  # type: ignore[arg-type]
+    with replacing(folder / "summary.json") as path:
+        path.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    write_typed(run.scenario, folder / f"{run.name}.scenario.yaml")
+    return summary

@@ -1,0 +1,171 @@
+"""Everything that defines one run, as dataclasses, loaded from YAML."""
+
+import dataclasses as dc
+import difflib
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from mirte_drake.checks import check_number
+from mirte_drake.control.reference_paths import RectanglePath
+from mirte_drake.errors import UserError
+from mirte_drake.robots.sindyc_robot import SindycRobotConfig
+from mirte_drake.systems.ancillary_dlqr import AncillaryDlqrConfig
+from mirte_drake.systems.disturbance_source import DisturbanceConfig, UniformDisturbance
+from mirte_drake.systems.nominal_nmpc import NominalNmpcConfig
+from mirte_drake.systems.reference_source import ReferencePathConfig
+from mirte_drake.systems.tube_updater import TubeUpdaterConfig
+from mirte_drake.systems.velocity_setpoint import VelocitySetpointConfig
+from mirte_drake.systems.wheel_command_limiter import WheelCommandLimiterConfig
+from mirte_drake.typed_yaml import load_typed, parse_typed
+
+SUFFIX = ".scenario.yaml"
+
+
+@dc.dataclass
+class Scenario:
+    """Everything that defines one run; the defaults are the study's rectangle."""
+
+    extends: str = ""  # Name of a scenario whose values are the defaults of this one.
+    description: str = ""
+    seed: int = 0  # Of the disturbance.
+    duration: float | None = None  # [s]; null: the reference path's own.
+    period: float = 0.1  # [s] T_s.
+    input_limit: float = 100.0  # [pwm] every wheel, LB = -UB.
+    prediction_model: str = "extended_kinematic"  # Name or YAML file; its state is the pose.
+    reference: ReferencePathConfig | VelocitySetpointConfig = dc.field(
+        default_factory=RectanglePath
+    )
+    nominal_nmpc: NominalNmpcConfig = dc.field(default_factory=NominalNmpcConfig)
+    ancillary_dlqr: AncillaryDlqrConfig | None = dc.field(default_factory=AncillaryDlqrConfig)
+    # null: the baseline NMPC, which starts from the measured state with full input bounds.
+    tube_updater: TubeUpdaterConfig | None = dc.field(default_factory=TubeUpdaterConfig)
+    wheel_command_limiter: WheelCommandLimiterConfig = dc.field(
+        default_factory=WheelCommandLimiterConfig
+    )
+    disturbance: DisturbanceConfig = dc.field(default_factory=UniformDisturbance)
+    robot: SindycRobotConfig = dc.field(default_factory=SindycRobotConfig)
+    integration_accuracy: float = 1e-6  # Of the simulated robot.
+
+    def validate(self) -> None:
+        """Checks every value.
+
+        Raises:
+            ValueError: naming the field, its value and what it must be.
+        """
+        check_number("seed", self.seed, minimum=0, maximum=2**53)
+        check_number("period", self.period, above=0)
+        check_number("input_limit", self.input_limit, above=0)
+        check_number("integration_accuracy", self.integration_accuracy, above=0)
+        if self.duration is not None:
+            check_number("duration", self.duration, above=0)
+        elif isinstance(self.reference, VelocitySetpointConfig):
+            raise ValueError("duration: must be given [s], a velocity setpoint has no end")
+        for field in dc.fields(self):
+            part = getattr(self, field.name)
+            if hasattr(part, "validate"):
+                try:
+                    part.validate()
+                except ValueError as error:
+                    raise type(error)(f"{field.name}.{error}") from None
+        if self.tube_updater is not None and self.ancillary_dlqr is None:
+            raise ValueError("tube_updater: needs ancillary_dlqr; set it, or both to null")
+
+    @property
+    def first_pose(self) -> np.ndarray:
+        """First pose (3,) of the reference [m, m, rad]."""
+        if isinstance(self.reference, VelocitySetpointConfig):
+            return self.reference.start
+        return self.reference.poses(self.period)[0]
+
+    @property
+    def steps(self) -> int:
+        """Number of samples of the run, the first at time 0."""
+        if self.duration is not None:
+            return round(self.duration / self.period) + 1
+        assert not isinstance(self.reference, VelocitySetpointConfig)
+        return len(self.reference.poses(self.period))
+
+
+def scenario_folder() -> Path:
+    """Returns the folder of the scenarios: inside the installed package, or beside the source."""
+    package = Path(__file__).parent
+    installed = package / "diagrams"
+    return installed if installed.is_dir() else package.parent / "diagrams"
+
+
+def scenario_names() -> list[str]:
+    """Returns the names of the scenarios that come with the package."""
+    return sorted(p.name.removesuffix(SUFFIX) for p in scenario_folder().glob(f"*{SUFFIX}"))
+
+
+def scenario_path(name_or_path: str) -> Path:
+    """Returns the YAML file of a scenario.
+
+    Raises:
+        UserError: for an unknown name.
+    """
+    if name_or_path.endswith((".yaml", ".yml")):
+        return Path(name_or_path)
+    names = scenario_names()
+    if name_or_path not in names:
+        close = difflib.get_close_matches(name_or_path, names, n=1)
+        hint = f"did you mean {close[0]!r}? " if close else ""
+        raise UserError(
+            f"scenario {name_or_path!r} is not known: {hint}Use one of {', '.join(names)}, "
+            "or the path of a .yaml file"
+        )
+    return scenario_folder() / f"{name_or_path}{SUFFIX}"
+
+
+def load_scenario(name_or_path: str, overrides: Sequence[str] = ()) -> Scenario:
+    """Returns a scenario, complete and checked.
+
+    Args:
+        name_or_path: A name out of ``scenario_names``, or the path of a YAML file.
+        overrides: Later values, each as ``path.to.field=value``, the value in YAML.
+
+    Raises:
+        UserError: naming file or option, field, value and remedy.
+    """
+    path = scenario_path(name_or_path)
+    scenario = _load_with_bases(path, ())
+    _validate(scenario, str(path))
+    for override in overrides:
+        scenario = _override(scenario, override)
+    return scenario
+
+
+def _load_with_bases(path: Path, seen: tuple[Path, ...]) -> Scenario:
+    if path in seen:
+        raise UserError(f"{path}: extends: goes round in a circle; remove one of its links")
+    scenario = load_typed(Scenario, path)
+    if not scenario.extends:
+        return scenario
+    try:
+        base = _load_with_bases(scenario_path(scenario.extends), (*seen, path))
+    except UserError as error:
+        raise UserError(f"{path}: extends: {error}") from None
+    return load_typed(Scenario, path, defaults=dc.replace(base, extends="", description=""))
+
+
+def _override(scenario: Scenario, override: str) -> Scenario:
+    origin = f"--set {override}"
+    field, separator, value = override.partition("=")
+    keys = [key.strip() for key in field.split(".")]
+    if not separator or not all(key.isidentifier() for key in keys):
+        raise UserError(f"{origin}: must be path.to.field=value")
+    text = value.strip() or "null"
+    for key in reversed(keys):
+        text = f"{{{key}: {text}}}"
+    result = parse_typed(Scenario, text, origin, defaults=scenario)
+    _validate(result, origin)
+    return result
+
+
+def _validate(scenario: Scenario, origin: str) -> None:
+    try:
+        scenario.validate()
+    except ValueError as error:
+        raise UserError(f"{origin}: {error}") from None
