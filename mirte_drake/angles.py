@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from mirte_drake.vectors import YAW
+
 
 def wrap_angle(angle: np.ndarray | float) -> np.ndarray:
     """Returns the angle [rad] shifted by whole turns into [-pi, pi)."""
@@ -21,7 +23,7 @@ def pose_error(pose: np.ndarray, reference: np.ndarray) -> np.ndarray:
         reference: (..., n), the same.
     """
     error = np.array(np.subtract(pose, reference), dtype=float)
-    error[..., 2] = wrap_angle(error[..., 2])
+    error[..., YAW] = wrap_angle(error[..., YAW])
     return error
 
 

@@ -19,6 +19,7 @@ from mirte_drake.systems.velocity_setpoint import (
     VelocitySetpointSource,
 )
 from mirte_drake.systems.wheel_command_limiter import AddWheelCommandLimiter
+from mirte_drake.vectors import POSE_SIZE
 
 
 def AddRobot(builder: DiagramBuilder, scenario: Scenario) -> RobotPorts:
@@ -30,10 +31,10 @@ def AddReference(
     builder: DiagramBuilder, scenario: Scenario
 ) -> ReferenceSource | VelocitySetpointSource:
     """Adds the source of the reference; ports ``reference`` and ``reference_window``."""
-    timing = {"period": scenario.period, "horizon": scenario.nominal_nmpc.horizon}
-    if isinstance(scenario.reference, VelocitySetpointConfig):
-        return AddVelocitySetpointSource(builder, scenario.reference, **timing)
-    return AddReferenceSource(builder, scenario.reference, **timing)
+    path, period, horizon = scenario.reference, scenario.period, scenario.nominal_nmpc.horizon
+    if isinstance(path, VelocitySetpointConfig):
+        return AddVelocitySetpointSource(builder, path, period=period, horizon=horizon)
+    return AddReferenceSource(builder, path, period=period, horizon=horizon)
 
 
 def MakeController(scenario: Scenario) -> Diagram:
@@ -62,10 +63,10 @@ def MakeController(scenario: Scenario) -> Diagram:
         ValueError: when a config is out of range.
     """
     model = load_model(scenario.prediction_model)
-    if model.num_states != 3:
+    if model.num_states != POSE_SIZE:
         raise UserError(
             f"prediction_model: {scenario.prediction_model!r} has states beside the pose "
-            f"({', '.join(model.states[3:])}), which the robot does not measure; "
+            f"({', '.join(model.states[POSE_SIZE:])}), which the robot does not measure; "
             "use kinematic or extended_kinematic"
         )
     period, horizon, limit = scenario.period, scenario.nominal_nmpc.horizon, scenario.input_limit

@@ -20,6 +20,7 @@ from mirte_drake.control.plan import Plan, SolveStatus
 from mirte_drake.scenario import Scenario
 from mirte_drake.systems.nominal_nmpc import NominalNmpc
 from mirte_drake.typed_yaml import replacing, write_typed
+from mirte_drake.vectors import POSE
 
 # Room for rounding where the controller meets a bound exactly, and for the solvers' tolerance on
 # the rate constraints [pwm].
@@ -82,8 +83,8 @@ def _sample(diagram: Diagram, context: Context) -> dict[str, object]:
         "time": context.get_time(),
         "reference": evaluate("reference"),
         "pose": evaluate("pose"),
-        "nominal_pose": plan.nominal_state[:3],
-        "nominal_next": plan.nominal_next[:3],
+        "nominal_pose": plan.nominal_state[POSE],
+        "nominal_next": plan.nominal_next[POSE],
         "nominal_plan": plan.inputs,
         "nominal_input": plan.nominal_input,
         "applied_input": evaluate("wheel_command"),
@@ -113,7 +114,7 @@ def summarise(run: Run) -> dict[str, object]:
         "steps": len(log["time"]),
         "simulated_time_s": float(log["time"][-1]),
         "wall_time_s": run.wall_time,
-        "rmse": {"x_m": rmse[0], "y_m": rmse[1], "yaw_rad": rmse[2]},
+        "rmse": dict(zip(("x_m", "y_m", "yaw_rad"), rmse, strict=True)),
         "solve_time_ms": {"p50": p50, "p99": p99, "max": slowest},
         "solver": run.scenario.nominal_nmpc.solver,
         "solve_failures": _count(log["status"] != SolveStatus.SOLVED),

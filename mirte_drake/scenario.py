@@ -119,6 +119,11 @@ def scenario_path(name_or_path: str) -> Path:
     return scenario_folder() / f"{name_or_path}{SUFFIX}"
 
 
+def scenario_stem(name_or_path: str) -> str:
+    """Returns the name of a scenario for files: of a path, its last part without suffix."""
+    return Path(name_or_path).name.removesuffix(SUFFIX).removesuffix(".yaml").removesuffix(".yml")
+
+
 def load_scenario(name_or_path: str, overrides: Sequence[str] = ()) -> Scenario:
     """Returns a scenario, complete and checked.
 

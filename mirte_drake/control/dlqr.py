@@ -6,6 +6,7 @@ import numpy as np
 from pydrake.math import DiscreteAlgebraicRiccatiEquation
 
 from mirte_drake.model.sparse_model import SparseModel
+from mirte_drake.vectors import POSE, YAW
 
 
 @dc.dataclass(frozen=True)
@@ -75,7 +76,7 @@ def design_dlqr(
     _, A, B = model.linearise(x, u)
     A_k, B_k = discretise_euler(A, B, period)
     K, _ = solve_dlqr(A_k, B_k, Q, R)
-    return DlqrDesign(float(x[2]), K, A_k - B_k @ K)
+    return DlqrDesign(float(x[YAW]), K, A_k - B_k @ K)
 
 
 def steady_input(model: SparseModel, velocity: np.ndarray) -> np.ndarray:
@@ -89,10 +90,10 @@ def steady_input(model: SparseModel, velocity: np.ndarray) -> np.ndarray:
     x, u = np.zeros(model.num_states), np.zeros(model.num_inputs)
     for _ in range(20):
         f, _, B = model.linearise(x, u)
-        error = velocity - f[:3]
+        error = velocity - f[POSE]
         if np.max(np.abs(error)) < 1e-12:
             return u
-        u = u + np.linalg.pinv(B[:3]) @ error
+        u = u + np.linalg.pinv(B[POSE]) @ error
     raise ValueError(f"{model.name}: no input drives at {velocity.tolist()}")
 
 

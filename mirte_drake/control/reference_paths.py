@@ -10,6 +10,7 @@ import numpy as np
 
 from mirte_drake.angles import rotation
 from mirte_drake.checks import check_array, check_choice, check_number
+from mirte_drake.vectors import YAW
 
 
 def sample_times(duration: float, period: float) -> np.ndarray:
@@ -171,8 +172,8 @@ def integrate_body_velocity(velocities: np.ndarray, start: np.ndarray, period: f
 
     Exact for the held velocity: the chord of the turned arc is travelled at the middle yaw.
     """
-    yaw = start[2] + period * np.concatenate([[0.0], np.cumsum(velocities[:, 2])])
-    half_turn = 0.5 * period * velocities[:, 2]
+    yaw = start[YAW] + period * np.concatenate([[0.0], np.cumsum(velocities[:, YAW])])
+    half_turn = 0.5 * period * velocities[:, YAW]
     chord = velocities * np.sinc(half_turn / np.pi)[:, None]
     world = np.einsum("kij,kj->ki", rotation(yaw[:-1] + half_turn), chord)
     xy = start[:2] + period * np.vstack([np.zeros(2), np.cumsum(world[:, :2], axis=0)])

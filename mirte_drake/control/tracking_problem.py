@@ -16,6 +16,7 @@ import numpy as np
 
 from mirte_drake.angles import unwrap_near
 from mirte_drake.model.sparse_model import SparseModel
+from mirte_drake.vectors import POSE, YAW
 
 
 @dc.dataclass(frozen=True)
@@ -101,9 +102,9 @@ def stage_references(problem: TrackingProblem, data: TrackingData) -> np.ndarray
     """
     first = int(problem.aligned)
     reference = data.reference[first : first + problem.horizon].copy()
-    yaw = np.unwrap(data.reference[:, 2])
-    shift = unwrap_near(yaw[0], data.state[2]) - yaw[0]
-    reference[:, 2] = yaw[first : first + problem.horizon] + shift
+    yaw = np.unwrap(data.reference[:, YAW])
+    shift = unwrap_near(yaw[0], data.state[YAW]) - yaw[0]
+    reference[:, YAW] = yaw[first : first + problem.horizon] + shift
     return reference
 
 
@@ -121,7 +122,7 @@ def cost_and_gradient(
     states = model.roll_out(x0, inputs, problem.period)
     Phi, Gamma = model.step_jacobians(states[:-1], inputs, problem.period)
 
-    error = states[1:, :3] - stage_references(problem, data)
+    error = states[1:, POSE] - stage_references(problem, data)
     moves = np.diff(inputs, axis=0, prepend=data.previous_input[None])
     weighted_error = error @ problem.state_weight
     weighted_error[-1] += problem.terminal_weight @ error[-1]
@@ -137,7 +138,7 @@ def cost_and_gradient(
     by_inputs[:-1] -= weighted_moves[1:]
     adjoint = np.zeros(model.num_states)
     for i in reversed(range(problem.horizon)):
-        adjoint[:3] += weighted_error[i]
+        adjoint[POSE] += weighted_error[i]
         by_inputs[i] += adjoint @ Gamma[i]
         adjoint = adjoint @ Phi[i]
     return float(value), 2.0 * join(adjoint, by_inputs)
@@ -159,5 +160,5 @@ def gauss_newton_hessian(problem: TrackingProblem, data: TrackingData, z: np.nda
         sensitivity[:, n + i * m : n + (i + 1) * m] += Gamma[i]
         last = i == problem.horizon - 1
         weight = problem.state_weight + (problem.terminal_weight if last else 0.0)
-        hessian += sensitivity[:3].T @ weight @ sensitivity[:3]
+        hessian += sensitivity[POSE].T @ weight @ sensitivity[POSE]
     return 2.0 * hessian

@@ -15,8 +15,7 @@ from mirte_drake.model.candidate_library import (
     substitute,
 )
 from mirte_drake.model.integration import rk4_step, rk4_step_jacobians
-
-POSE_SIZE = 3
+from mirte_drake.vectors import POSE_SIZE, YAW
 
 
 class SparseModel:
@@ -117,9 +116,9 @@ class SparseModel:
                 states[k + 1] = self.step(states[k], u, dt)
             return states
         nodes = np.zeros((3, len(inputs), self.num_states))
-        yaw_rate = self.derivative(nodes[0], inputs)[:, 2]
-        yaw_end = x[2] + dt * np.cumsum(yaw_rate)
-        nodes[:, :, 2] = yaw_end - dt * np.array([[1.0], [0.5], [0.0]]) * yaw_rate
+        yaw_rate = self.derivative(nodes[0], inputs)[:, YAW]
+        yaw_end = x[YAW] + dt * np.cumsum(yaw_rate)
+        nodes[:, :, YAW] = yaw_end - dt * np.array([[1.0], [0.5], [0.0]]) * yaw_rate
         start, middle, end = self.derivative(nodes, np.broadcast_to(inputs, (3, *inputs.shape)))
         states[1:] = x + dt / 6 * np.cumsum(start + 4 * middle + end, axis=0)
         return states
@@ -127,7 +126,7 @@ class SparseModel:
     def _check_heading_only(self) -> bool:
         states = {*self.states, SIN, COS}
         used = [{factor for term in f for factor in term} & states for f in self.equations]
-        return self.num_states == POSE_SIZE and not used[2] and all(u <= {SIN, COS} for u in used)
+        return self.num_states == POSE_SIZE and not used[YAW] and all(u <= {SIN, COS} for u in used)
 
 
 def _join(x: np.ndarray, u: np.ndarray) -> np.ndarray:

@@ -1,6 +1,7 @@
 """A simulated robot that moves as an identified model says, plus a disturbance (4-1)."""
 
 import dataclasses as dc
+from typing import Any
 
 import numpy as np
 from pydrake.systems.framework import BasicVector_, DiagramBuilder, LeafSystem_
@@ -10,6 +11,7 @@ from mirte_drake.checks import check_array
 from mirte_drake.model.model_file import load_model
 from mirte_drake.model.sparse_model import SparseModel
 from mirte_drake.robots.robot_ports import RobotPorts
+from mirte_drake.vectors import POSE, POSE_SIZE, YAW
 
 
 @dc.dataclass
@@ -26,21 +28,25 @@ class SindycRobotConfig:
             check_array("initial_pose", self.initial_pose, (3,))
 
 
-def _turn(yaw: object, vector: np.ndarray, direction: int) -> list:
+def _turn(
+    yaw: Any,  # noqa: ANN401
+    vector: np.ndarray,
+    direction: int,
+) -> list:
     """Returns R(yaw) v (direction 1) or R(yaw)' v (direction -1), for any scalar type."""
     cos, sin = np.cos(yaw), direction * np.sin(yaw)
     return [
         cos * vector[0] - sin * vector[1],
         sin * vector[0] + cos * vector[1],
-        vector[2],
+        vector[YAW],
     ]
 
 
 @TemplateSystem.define("SindycRobot_")
-def SindycRobot_(T):  # type: ignore[no-untyped-def] # noqa: ANN001, ANN201
+def SindycRobot_(T):  # noqa: ANN001, ANN201
     """Template of SindycRobot over the scalar types float, AutoDiffXd and Expression."""
 
-    class Impl(LeafSystem_[T]):  # type: ignore[misc, valid-type]
+    class Impl(LeafSystem_[T]):
         """Integrates xdot = f(x, u) + R(yaw) w in continuous time.
 
         .. pydrake_system::
@@ -91,24 +97,24 @@ def SindycRobot_(T):  # type: ignore[no-untyped-def] # noqa: ANN001, ANN201
         def _construct_copy(self, other: object, converter: object = None) -> None:
             Impl._construct(self, other._model, other._initial_state, converter)  # type: ignore[attr-defined]
 
-        def _derivative(self, context) -> np.ndarray:  # type: ignore[no-untyped-def] # noqa: ANN001
+        def _derivative(self, context) -> np.ndarray:  # noqa: ANN001
             x = context.get_continuous_state_vector().CopyToVector()
             derivative = self._model.derivative(x, self._command_input.Eval(context))
             if self._disturbance_input.HasValue(context):
-                drift = _turn(x[2], self._disturbance_input.Eval(context), 1)
-                derivative = np.concatenate([derivative[:3] + drift, derivative[3:]])
+                drift = _turn(x[YAW], self._disturbance_input.Eval(context), 1)
+                derivative = np.concatenate([derivative[POSE] + drift, derivative[POSE_SIZE:]])
             return derivative
 
-        def DoCalcTimeDerivatives(self, context, derivatives) -> None:  # type: ignore[no-untyped-def] # noqa: ANN001
+        def DoCalcTimeDerivatives(self, context, derivatives) -> None:  # noqa: ANN001
             """Gives f(x, u) + R(yaw) w."""
             derivatives.SetFromVector(self._derivative(context))
 
-        def _calc_pose(self, context, output) -> None:  # type: ignore[no-untyped-def] # noqa: ANN001
-            output.SetFromVector(context.get_continuous_state_vector().CopyToVector()[:3])
+        def _calc_pose(self, context, output) -> None:  # noqa: ANN001
+            output.SetFromVector(context.get_continuous_state_vector().CopyToVector()[POSE])
 
-        def _calc_body_velocity(self, context, output) -> None:  # type: ignore[no-untyped-def] # noqa: ANN001
-            yaw = context.get_continuous_state_vector().GetAtIndex(2)
-            output.SetFromVector(_turn(yaw, self._derivative(context)[:3], -1))
+        def _calc_body_velocity(self, context, output) -> None:  # noqa: ANN001
+            yaw = context.get_continuous_state_vector().GetAtIndex(YAW)
+            output.SetFromVector(_turn(yaw, self._derivative(context)[POSE], -1))
 
     return Impl
 
@@ -137,7 +143,7 @@ def AddSindycRobot(
     config.validate()
     model = load_model(config.model)
     pose = start if config.initial_pose is None else config.initial_pose
-    initial_state = np.concatenate([pose, np.zeros(model.num_states - 3)])
+    initial_state = np.concatenate([pose, np.zeros(model.num_states - POSE_SIZE)])
     robot = builder.AddNamedSystem(name, SindycRobot(model, initial_state))
     return RobotPorts(
         wheel_command=robot.GetInputPort("wheel_command"),

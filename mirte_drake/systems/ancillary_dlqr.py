@@ -11,6 +11,7 @@ from mirte_drake.checks import check_array
 from mirte_drake.control.dlqr import DlqrDesign, design_dlqr
 from mirte_drake.control.plan import Plan, SolveStatus
 from mirte_drake.model.sparse_model import SparseModel
+from mirte_drake.vectors import YAW
 
 
 @dc.dataclass
@@ -109,7 +110,7 @@ class AncillaryDlqr(LeafSystem):
     def _without_feedback(self, x: np.ndarray, u: np.ndarray) -> DlqrDesign:
         _, A, _ = self._model.linearise(x, u)
         gain = np.zeros((self._model.num_inputs, self._model.num_states))
-        return DlqrDesign(float(x[2]), gain, np.eye(len(A)) + self._period * A)
+        return DlqrDesign(float(x[YAW]), gain, np.eye(len(A)) + self._period * A)
 
     def _calc_wheel_command(self, context: Context, output: BasicVector) -> None:
         plan: Plan = self._plan_input.Eval(context)
