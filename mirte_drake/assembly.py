@@ -3,11 +3,9 @@
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import ZeroOrderHold
 
-from mirte_drake.errors import UserError
-from mirte_drake.model.model_file import load_model
 from mirte_drake.robots.robot_ports import RobotPorts
 from mirte_drake.robots.sindyc_robot import AddSindycRobot
-from mirte_drake.scenario import Scenario
+from mirte_drake.scenario import Scenario, load_prediction_model
 from mirte_drake.systems.ancillary_dlqr import AddAncillaryDlqr
 from mirte_drake.systems.disturbance_source import AddDisturbanceSource
 from mirte_drake.systems.nominal_nmpc import AddNominalNmpc
@@ -19,7 +17,6 @@ from mirte_drake.systems.velocity_setpoint import (
     VelocitySetpointSource,
 )
 from mirte_drake.systems.wheel_command_limiter import AddWheelCommandLimiter
-from mirte_drake.vectors import POSE_SIZE
 
 
 def AddRobot(builder: DiagramBuilder, scenario: Scenario) -> RobotPorts:
@@ -62,13 +59,7 @@ def MakeController(scenario: Scenario) -> Diagram:
         UserError: when the prediction model has states beside the pose, or cannot be read.
         ValueError: when a config is out of range.
     """
-    model = load_model(scenario.prediction_model)
-    if model.num_states != POSE_SIZE:
-        raise UserError(
-            f"prediction_model: {scenario.prediction_model!r} has states beside the pose "
-            f"({', '.join(model.states[POSE_SIZE:])}), which the robot does not measure; "
-            "use kinematic or extended_kinematic"
-        )
+    model = load_prediction_model(scenario)
     period, horizon, limit = scenario.period, scenario.nominal_nmpc.horizon, scenario.input_limit
     builder = DiagramBuilder()
     nmpc = AddNominalNmpc(builder, scenario.nominal_nmpc, model, period=period, input_limit=limit)

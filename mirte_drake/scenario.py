@@ -4,12 +4,15 @@ import dataclasses as dc
 import difflib
 from collections.abc import Sequence
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 
 from mirte_drake.checks import check_number
 from mirte_drake.control.reference_paths import RectanglePath
 from mirte_drake.errors import UserError
+from mirte_drake.model.model_file import load_model
+from mirte_drake.model.sparse_model import SparseModel
 from mirte_drake.robots.sindyc_robot import SindycRobotConfig
 from mirte_drake.systems.ancillary_dlqr import AncillaryDlqrConfig
 from mirte_drake.systems.disturbance_source import DisturbanceConfig, UniformDisturbance
@@ -18,9 +21,11 @@ from mirte_drake.systems.reference_source import ReferencePathConfig
 from mirte_drake.systems.tube_updater import TubeUpdaterConfig
 from mirte_drake.systems.velocity_setpoint import VelocitySetpointConfig
 from mirte_drake.systems.wheel_command_limiter import WheelCommandLimiterConfig
-from mirte_drake.typed_yaml import load_typed, parse_typed
+from mirte_drake.typed_yaml import parse_typed, read_text, top_level_text
+from mirte_drake.vectors import POSE_SIZE
 
 SUFFIX = ".scenario.yaml"
+KINDS = (*get_args(ReferencePathConfig), VelocitySetpointConfig, *get_args(DisturbanceConfig))
 
 
 @dc.dataclass
@@ -54,6 +59,7 @@ class Scenario:
         Raises:
             ValueError: naming the field, its value and what it must be.
         """
+        load_prediction_model(self)
         check_number("seed", self.seed, minimum=0, maximum=2**53)
         check_number("period", self.period, above=0)
         check_number("input_limit", self.input_limit, above=0)
@@ -86,6 +92,25 @@ class Scenario:
             return round(self.duration / self.period) + 1
         assert not isinstance(self.reference, VelocitySetpointConfig)
         return len(self.reference.poses(self.period))
+
+
+def load_prediction_model(scenario: Scenario) -> SparseModel:
+    """Returns the model that the controller predicts with.
+
+    Raises:
+        UserError: when it cannot be read, or has states beside the pose.
+    """
+    try:
+        model = load_model(scenario.prediction_model)
+    except UserError as error:
+        raise UserError(f"prediction_model: {error}") from None
+    if model.num_states != POSE_SIZE:
+        raise UserError(
+            f"prediction_model: {scenario.prediction_model!r} has states beside the pose "
+            f"({', '.join(model.states[POSE_SIZE:])}), which the robot does not measure; "
+            "use kinematic or extended_kinematic"
+        )
+    return model
 
 
 def scenario_folder() -> Path:
@@ -145,14 +170,16 @@ def load_scenario(name_or_path: str, overrides: Sequence[str] = ()) -> Scenario:
 def _load_with_bases(path: Path, seen: tuple[Path, ...]) -> Scenario:
     if path in seen:
         raise UserError(f"{path}: extends: goes round in a circle; remove one of its links")
-    scenario = load_typed(Scenario, path)
-    if not scenario.extends:
-        return scenario
-    try:
-        base = _load_with_bases(scenario_path(scenario.extends), (*seen, path))
-    except UserError as error:
-        raise UserError(f"{path}: extends: {error}") from None
-    return load_typed(Scenario, path, defaults=dc.replace(base, extends="", description=""))
+    text = read_text(path)
+    base = Scenario()
+    extends = top_level_text(text, "extends", str(path))
+    if extends:
+        try:
+            base = _load_with_bases(scenario_path(extends), (*seen, path))
+        except UserError as error:
+            raise UserError(f"{path}: extends: {error}") from None
+    scenario = parse_typed(Scenario, text, str(path), dc.replace(base, description=""))
+    return dc.replace(scenario, extends="")  # Complete now: it stands for itself.
 
 
 def _override(scenario: Scenario, override: str) -> Scenario:
@@ -161,9 +188,14 @@ def _override(scenario: Scenario, override: str) -> Scenario:
     keys = [key.strip() for key in field.split(".")]
     if not separator or not all(key.isidentifier() for key in keys):
         raise UserError(f"{origin}: must be path.to.field=value")
+    # A part that can be of several kinds keeps its kind when one of its fields changes.
+    parts: list[object] = [scenario]
+    for key in keys[:-1]:
+        parts.append(getattr(parts[-1], key, None))
     text = value.strip() or "null"
-    for key in reversed(keys):
-        text = f"{{{key}: {text}}}"
+    for key, part in zip(reversed(keys), reversed(parts), strict=True):
+        kind = f"!{type(part).__name__} " if isinstance(part, KINDS) else ""
+        text = f"{kind}{{{key}: {text}}}"
     result = parse_typed(Scenario, text, origin, defaults=scenario)
     _validate(result, origin)
     return result

@@ -8,6 +8,7 @@ from pydrake.systems.framework import BasicVector_, DiagramBuilder, LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from mirte_drake.checks import check_array
+from mirte_drake.errors import UserError
 from mirte_drake.model.model_file import load_model
 from mirte_drake.model.sparse_model import SparseModel
 from mirte_drake.robots.robot_ports import RobotPorts
@@ -24,6 +25,10 @@ class SindycRobotConfig:
 
     def validate(self) -> None:
         """Raises ValueError when a value is out of range."""
+        try:
+            load_model(self.model)
+        except UserError as error:
+            raise UserError(f"model: {error}") from None
         if self.initial_pose is not None:
             check_array("initial_pose", self.initial_pose, (3,))
 

@@ -1,0 +1,37 @@
+# `make demo` and `make test` set up everything they need in $(VENV) on the first call.
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+# The controller's matrices are small: threads only get in each other's way.
+export OMP_NUM_THREADS := 1
+
+.PHONY: demo test test-slow lint diagrams clean
+
+demo: $(VENV)/installed
+	$(BIN)/mirte-drake simulate rectangle
+
+test: $(VENV)/installed
+	$(BIN)/python -m pytest -m "not slow"
+
+test-slow: $(VENV)/installed
+	$(BIN)/python -m pytest -m slow
+
+lint: $(VENV)/installed
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+# Redraws the pictures beside the scenarios.
+diagrams: $(VENV)/installed
+	for file in diagrams/*.scenario.yaml; do \
+	  $(BIN)/mirte-drake diagram $$(basename $$file .scenario.yaml) --output diagrams || exit; done
+
+clean:
+	rm -rf $(VENV) runs build dist .pytest_cache .mypy_cache .ruff_cache
+
+$(VENV)/installed: pyproject.toml
+	$(PYTHON) -c "import ensurepip, venv" || \
+	  { echo "make: this Python cannot make virtual environments; on Debian and Ubuntu: apt install python3-venv"; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --editable ".[dev]"
+	touch $@

@@ -1,0 +1,323 @@
+import dataclasses as dc
+import itertools
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from mirte_drake.angles import pose_error
+from mirte_drake.assembly import (
+    AddController,
+    AddReference,
+    AddRobot,
+    MakeController,
+    MakeDiagram,
+)
+from mirte_drake.control.plan import Plan, SolveStatus
+from mirte_drake.control.reference_paths import CirclePath
+from mirte_drake.errors import UserError
+from mirte_drake.robots.robot_ports import RobotPorts
+from mirte_drake.robots.sindyc_robot import SindycRobotConfig
+from mirte_drake.run import simulate as simulate_run
+from mirte_drake.scenario import Scenario, load_scenario, scenario_names
+from mirte_drake.systems.disturbance_source import CornerDisturbance, NoDisturbance
+from mirte_drake.systems.reference_source import ReferenceSource
+from mirte_drake.systems.tube_updater import TubeUpdaterConfig
+from mirte_drake.systems.velocity_setpoint import VelocitySetpointConfig, VelocitySetpointSource
+from mirte_drake.systems.wheel_command_limiter import limit_wheel_command
+
+TURNING = Scenario(
+    reference=CirclePath(radius=0.6, heading="tangent"), disturbance=CornerDisturbance()
+)
+WITHOUT_TUBE = dc.replace(TURNING, tube_updater=None)
+BASELINE = dc.replace(TURNING, tube_updater=None, ancillary_dlqr=None)
+W_MAX = np.array([0.04, 0.03, 0.09])
+
+
+def input_names(diagram) -> list[str]:
+    return [diagram.get_input_port(i).get_name() for i in range(diagram.num_input_ports())]
+
+
+def output_names(diagram) -> list[str]:
+    return [diagram.get_output_port(i).get_name() for i in range(diagram.num_output_ports())]
+
+
+def advance_to_sample(simulator, k) -> None:
+    """Advances to sample k and runs its updates."""
+    simulator.AdvanceTo(0.1 * k)
+    simulator.AdvancePendingEvents()
+
+
+def read(simulator, port):
+    return simulator.get_system().GetOutputPort(port).Eval(simulator.get_context())
+
+
+def read_at_samples(simulator, samples, *ports) -> list[tuple]:
+    rows = []
+    for k in range(samples):
+        advance_to_sample(simulator, k)
+        rows.append(tuple(read(simulator, port) for port in ports))
+    return rows
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_every_scenario_builds_and_runs_two_samples(name):
+    scenario = load_scenario(name)
+    simulator = Simulator(MakeDiagram(scenario))
+    plans = read_at_samples(simulator, 2, "plan")
+    assert [plan.sample for (plan,) in plans] == [0, 1]
+    assert [plan.status for (plan,) in plans] == [SolveStatus.SOLVED] * 2
+    assert np.all(np.isfinite(read(simulator, "pose")))
+    assert np.max(np.abs(read(simulator, "wheel_command"))) <= scenario.input_limit
+    assert np.any(read(simulator, "disturbance") != 0)
+    assert ("half_width" in output_names(simulator.get_system())) != name.startswith("baseline_")
+
+
+@pytest.mark.parametrize(
+    ("scenario", "further"),
+    [
+        (TURNING, ["designs", "half_width"]),
+        (WITHOUT_TUBE, ["designs"]),
+        (BASELINE, []),
+    ],
+    ids=["tube", "without_tube", "baseline"],
+)
+def test_ports_of_controller_and_diagram(scenario, further):
+    controller = MakeController(scenario)
+    assert input_names(controller) == ["pose", "reference_window"]
+    assert output_names(controller) == ["wheel_command", "plan", "solve_status", *further]
+    assert controller.GetInputPort("pose").size() == 3
+    assert controller.GetInputPort("reference_window").size() == 33
+    assert controller.GetOutputPort("wheel_command").size() == 4
+
+    diagram = MakeDiagram(scenario)
+    assert input_names(diagram) == []
+    assert set(output_names(diagram)) == {
+        *("reference", "pose", "body_velocity", "disturbance"),
+        *("wheel_command", "plan", "solve_status", *further),
+    }
+
+
+def test_controller_has_no_feedthrough():
+    controller = MakeController(TURNING)
+    for i in range(controller.num_input_ports()):
+        for o in range(controller.num_output_ports()):
+            assert not controller.HasDirectFeedthrough(i, o)
+
+
+def test_systems_are_named():
+    diagram = MakeDiagram(TURNING)
+    assert diagram.get_name() == "mirte_drake"
+    parts = {system.get_name() for system in diagram.GetSystems()}
+    assert parts == {"reference_source", "controller", "sindyc_robot", "disturbance_source"}
+    inner = {s.get_name() for s in diagram.GetSubsystemByName("controller").GetSystems()}
+    assert inner == {
+        *("nominal_nmpc", "ancillary_dlqr", "tube_updater"),
+        *("wheel_command_limiter", "command_hold"),
+    }
+
+
+@pytest.mark.parametrize("name", ["rectangle", "turning_circle", "robot_rectangle"])
+def test_command_follows_from_the_pose_of_its_own_instant(name):
+    scenario = load_scenario(name)
+    limiter = scenario.wheel_command_limiter
+    simulator = Simulator(MakeDiagram(scenario))
+    largest_correction = 0.0
+    for k in range(6):
+        advance_to_sample(simulator, k)
+        plan: Plan = read(simulator, "plan")
+        pose = read(simulator, "pose")
+        np.testing.assert_array_equal(plan.data.state, pose)
+        correction = read(simulator, "designs")[0].gain @ pose_error(pose, plan.nominal_state)
+        expected = limit_wheel_command(
+            plan.nominal_input - correction,
+            limit=scenario.input_limit,
+            deadband=limiter.deadband,
+            round_to_integer=limiter.round_to_integer,
+        )
+        np.testing.assert_array_equal(read(simulator, "wheel_command"), expected)
+        largest_correction = max(largest_correction, np.max(np.abs(correction)))
+    assert largest_correction > 1.0
+
+
+def test_command_is_held_until_the_next_sample():
+    simulator = Simulator(MakeDiagram(TURNING))
+    advance_to_sample(simulator, 3)
+    command = read(simulator, "wheel_command")
+    simulator.AdvanceTo(0.399)
+    np.testing.assert_array_equal(read(simulator, "wheel_command"), command)
+    advance_to_sample(simulator, 4)
+    assert np.all(read(simulator, "wheel_command") != command)
+
+
+def test_tube_moves_by_its_recursion():
+    simulator = Simulator(MakeDiagram(TURNING))
+    rows = read_at_samples(simulator, 6, "plan", "designs", "half_width")
+    np.testing.assert_array_equal(rows[0][0].data.half_width, np.zeros(3))
+    for k, (plan, designs, next_half_width) in enumerate(rows):
+        expected = np.abs(designs[0].closed_loop) @ plan.data.half_width + 0.1 * W_MAX
+        np.testing.assert_array_equal(next_half_width, expected)
+        if k > 0:
+            np.testing.assert_array_equal(plan.data.half_width, rows[k - 1][2])
+
+
+def test_bounds_of_a_sample_are_tightened_by_the_tube_of_the_sample_before():
+    rows = read_at_samples(Simulator(MakeDiagram(TURNING)), 4, "plan", "designs")
+    np.testing.assert_array_equal(rows[0][0].data.input_upper, np.full((10, 4), 90.0))
+    for (before, designs), (plan, _) in itertools.pairwise(rows):
+        room = np.abs(designs[0].gain) @ before.data.half_width
+        np.testing.assert_allclose(plan.data.input_upper, np.tile(100.0 - room, (10, 1)))
+        np.testing.assert_allclose(plan.data.input_lower, np.tile(room - 100.0, (10, 1)))
+
+
+def test_stagewise_tube_uses_a_design_of_every_stage():
+    tube = TubeUpdaterConfig(tightening_over_horizon="stagewise")
+    simulator = Simulator(MakeDiagram(dc.replace(TURNING, tube_updater=tube)))
+    *_, (before, designs), (plan, _) = read_at_samples(simulator, 3, "plan", "designs")
+    assert [design.yaw for design in designs] == before.states[:10, 2].tolist()
+    d = before.data.half_width
+    for upper, design in zip(plan.data.input_upper, designs, strict=True):
+        np.testing.assert_allclose(upper, 100.0 - np.abs(design.gain) @ d)
+        d = np.abs(design.closed_loop) @ d + 0.1 * W_MAX
+
+
+@pytest.mark.parametrize("scenario", [WITHOUT_TUBE, BASELINE], ids=["without_tube", "baseline"])
+def test_without_tube_the_plan_begins_at_the_pose_and_is_applied_as_it_is(scenario):
+    for plan, pose, command in read_at_samples(
+        Simulator(MakeDiagram(scenario)), 4, "plan", "pose", "wheel_command"
+    ):
+        np.testing.assert_array_equal(plan.nominal_state, pose)
+        np.testing.assert_array_equal(command, plan.nominal_input)
+        np.testing.assert_array_equal(plan.data.input_upper, np.full((10, 4), 100.0))
+
+
+def test_robot_begins_on_the_reference():
+    simulator = Simulator(MakeDiagram(TURNING))
+    np.testing.assert_array_equal(read(simulator, "pose"), read(simulator, "reference"))
+    np.testing.assert_allclose(read(simulator, "pose"), [0.6, 0.0, np.pi / 2])
+
+
+def test_robot_begins_where_its_config_says():
+    robot = SindycRobotConfig(initial_pose=np.array([0.5, 0.1, 1.5]))
+    simulator = Simulator(MakeDiagram(dc.replace(TURNING, robot=robot)))
+    np.testing.assert_array_equal(read(simulator, "pose"), [0.5, 0.1, 1.5])
+
+
+def test_disturbance_reaches_the_robot():
+    disturbed, calm = (
+        Simulator(MakeDiagram(dc.replace(TURNING, disturbance=d)))
+        for d in (CornerDisturbance(), NoDisturbance())
+    )
+    for simulator in (disturbed, calm):
+        simulator.AdvanceTo(0.05)
+    np.testing.assert_array_equal(np.abs(read(disturbed, "disturbance")), W_MAX)
+    moved = read(disturbed, "body_velocity") - read(calm, "body_velocity")
+    # The yaws have parted by 4 mrad and the speed is below 0.1 m/s.
+    np.testing.assert_allclose(moved, read(disturbed, "disturbance"), atol=5e-4)
+
+
+def test_interleaved_simulators_with_two_seeds_give_what_each_gives_alone():
+    ports = ("pose", "wheel_command", "half_width", "disturbance")
+    alone = [
+        read_at_samples(Simulator(MakeDiagram(dc.replace(TURNING, seed=seed))), 4, *ports)
+        for seed in (0, 1)
+    ]
+    diagram = MakeDiagram(TURNING)
+    simulators = [Simulator(diagram), Simulator(diagram)]
+    source = diagram.GetSubsystemByName("disturbance_source")
+    context = source.GetMyMutableContextFromRoot(simulators[1].get_mutable_context())
+    context.get_mutable_numeric_parameter(0).SetAtIndex(0, 1.0)
+    for k in range(4):
+        for simulator, expected in zip(simulators, alone, strict=True):
+            advance_to_sample(simulator, k)
+            for port, value in zip(ports, expected[k], strict=True):
+                np.testing.assert_array_equal(read(simulator, port), value)
+    assert not np.allclose(read(simulators[0], "pose"), read(simulators[1], "pose"))
+
+
+SETPOINT = dc.replace(
+    TURNING,
+    reference=VelocitySetpointConfig(setpoint=np.array([0.1, 0.0, 0.0]), start=np.ones(3)),
+    duration=0.3,
+)
+
+
+def test_velocity_setpoint_is_tracked_from_its_start():
+    simulator = Simulator(MakeDiagram(SETPOINT))
+    np.testing.assert_array_equal(read(simulator, "pose"), np.ones(3))
+    plans = [plan for (plan,) in read_at_samples(simulator, 4, "plan")]
+    for k, plan in enumerate(plans):
+        expected = np.ones(3) + 0.01 * k * np.array([np.cos(1.0), np.sin(1.0), 0.0])
+        np.testing.assert_allclose(plan.data.reference[0], expected)
+
+
+@pytest.mark.parametrize(
+    "scenario", [dc.replace(TURNING, duration=0.3), SETPOINT], ids=["path", "setpoint"]
+)
+def test_logged_reference_is_that_of_its_own_sample(scenario):
+    logged = simulate_run(scenario, "test").log["reference"]
+    plans = read_at_samples(Simulator(MakeDiagram(scenario)), 4, "plan")
+    np.testing.assert_allclose(logged, [plan.data.reference[0] for (plan,) in plans])
+
+
+def test_add_robot_returns_its_ports():
+    builder = DiagramBuilder()
+    ports = AddRobot(builder, TURNING)
+    assert isinstance(ports, RobotPorts)
+    assert ports.pose.get_system() is builder.GetSubsystemByName("sindyc_robot")
+
+
+def test_add_controller_returns_it_by_name():
+    builder = DiagramBuilder()
+    controller = AddController(builder, TURNING)
+    assert builder.GetSubsystemByName("controller") is controller
+
+
+@pytest.mark.parametrize(
+    ("scenario", "kind", "name"),
+    [
+        (TURNING, ReferenceSource, "reference_source"),
+        (SETPOINT, VelocitySetpointSource, "velocity_setpoint_source"),
+    ],
+)
+def test_add_reference_has_the_ports_that_the_controller_needs(scenario, kind, name):
+    builder = DiagramBuilder()
+    source = AddReference(builder, scenario)
+    assert isinstance(source, kind)
+    assert builder.GetSubsystemByName(name) is source
+    assert source.GetOutputPort("reference").size() == 3
+    assert source.GetOutputPort("reference_window").size() == 33
+
+
+def test_dynamic_prediction_model_is_a_user_error():
+    with pytest.raises(UserError, match=r"^prediction_model: 'dynamic'"):
+        MakeDiagram(dc.replace(TURNING, prediction_model="dynamic"))
+
+
+def test_dynamic_robot_is_driven_by_the_kinematic_prediction():
+    robot = SindycRobotConfig(model="dynamic")
+    simulator = Simulator(MakeDiagram(dc.replace(TURNING, robot=robot)))
+    plans = read_at_samples(simulator, 2, "plan")
+    assert [plan.status for (plan,) in plans] == [SolveStatus.SOLVED] * 2
+
+
+def test_unknown_prediction_model_is_a_user_error():
+    with pytest.raises(UserError, match="'rocket'"):
+        MakeDiagram(dc.replace(TURNING, prediction_model="rocket"))
+
+
+@pytest.mark.parametrize("make", [MakeDiagram, MakeController])
+@pytest.mark.parametrize(
+    ("changes", "field"),
+    [
+        ({"period": 0.0}, "period"),
+        ({"input_limit": np.nan}, "input_limit"),
+        ({"ancillary_dlqr": None}, "tube_updater: needs ancillary_dlqr"),
+        ({"tube_updater": TubeUpdaterConfig(disturbance_bound=-np.ones(3))}, "disturbance_bound"),
+    ],
+    ids=["period", "input_limit", "tube_without_ancillary", "disturbance_bound"],
+)
+def test_rejects_bad_scenario(make, changes, field):
+    with pytest.raises(ValueError, match=field):
+        make(dc.replace(TURNING, **changes))

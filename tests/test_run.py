@@ -1,0 +1,238 @@
+import functools
+import json
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+
+from mirte_drake.angles import pose_error
+from mirte_drake.assembly import MakeDiagram
+from mirte_drake.control.dlqr import design_dlqr
+from mirte_drake.control.tube import rotated_bound
+from mirte_drake.errors import UserError
+from mirte_drake.model.model_file import load_model
+from mirte_drake.run import Run, save_run, simulate, summarise
+from mirte_drake.scenario import load_scenario
+
+W_MAX = np.array([0.04, 0.03, 0.09])
+TS = 0.1
+MODEL = load_model("extended_kinematic")
+
+
+@functools.cache
+def short_run(*overrides: str, name: str = "rectangle") -> Run:
+    return simulate(load_scenario(name, ["duration=4", *overrides]), name)
+
+
+def closed_loop(log, k):
+    Q, R = 1000 * np.eye(3), 0.001 * np.eye(4)
+    design = design_dlqr(MODEL, log["nominal_pose"][k], log["nominal_input"][k], TS, Q, R)
+    np.testing.assert_allclose(design.gain, log["gain"][k], atol=1e-12)
+    return design.closed_loop
+
+
+def test_the_applied_input_is_nominal_plus_ancillary():
+    for log in (short_run().log, short_run(name="turning_circle").log):
+        error = log["pose"] - log["nominal_pose"]
+        expected = log["nominal_input"] - np.einsum("kij,kj->ki", log["gain"], error)
+        np.testing.assert_allclose(log["applied_input"], expected, rtol=0, atol=1e-9)
+        assert np.abs(error[1:]).max() > 1e-4  # The tube is used: the law has something to do.
+
+
+def test_the_half_width_follows_the_recursion():
+    log = short_run().log
+    assert log["half_width"][0].tolist() == [0, 0, 0]
+    for k in range(len(log["time"]) - 1):
+        expected = np.abs(closed_loop(log, k)) @ log["half_width"][k] + TS * W_MAX
+        np.testing.assert_allclose(log["half_width"][k + 1], expected, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("which", ["current", "next"])
+def test_the_bounds_are_those_of_the_source(which):
+    log = short_run(f"tube_updater.tightening_half_width={which}").log
+    assert log["input_upper"][0].tolist() == [90] * 4
+    for k in range(len(log["time"]) - 1):
+        d = log["half_width"][k + (which == "next")]
+        room = np.abs(log["gain"][k]) @ d
+        np.testing.assert_allclose(log["input_lower"][k + 1], -100 + room, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(log["input_upper"][k + 1], 100 - room, rtol=0, atol=1e-12)
+
+
+def test_the_rotated_bound_turns_the_disturbance_box():
+    log = short_run("tube_updater.disturbance_frame=rotated", name="turning_circle").log
+    for k in range(len(log["time"]) - 1):
+        w = rotated_bound(W_MAX, log["nominal_pose"][k, 2])
+        expected = np.abs(closed_loop(log, k)) @ log["half_width"][k] + TS * w
+        np.testing.assert_allclose(log["half_width"][k + 1], expected, rtol=0, atol=1e-12)
+
+
+def test_stagewise_tightening_gives_later_stages_less_room():
+    scenario = load_scenario("rectangle", ["tube_updater.tightening_over_horizon=stagewise"])
+    diagram = MakeDiagram(scenario)
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(0.25)
+    plan = diagram.GetOutputPort("plan").Eval(simulator.get_context())
+    # The tube still grows, so each stage's bound is tighter than the one before.
+    assert np.all(np.diff(plan.data.input_upper, axis=0) < 0)
+    assert np.all(plan.inputs <= plan.data.input_upper)
+
+
+def test_no_sample_is_lost_between_measurement_and_command():
+    """The pose at t_k, the command that follows from it and the next pose fit together."""
+    log = short_run().log
+    for k in range(len(log["time"]) - 1):
+        x, yaw = log["pose"][k], log["pose"][k, 2]
+        np.testing.assert_allclose(  # The problem solved at t_k holds the pose of t_k.
+            np.abs(x - log["nominal_pose"][k]) <= log["half_width"][k] + 1e-12, True
+        )
+        u, w = log["applied_input"][k], log["disturbance"][k]
+        steps = 200
+        for _ in range(steps):  # Fine Euler-free check: many RK4 steps with the turning drift.
+            yaw = x[2]
+            drift = np.array(
+                [
+                    np.cos(yaw) * w[0] - np.sin(yaw) * w[1],
+                    np.sin(yaw) * w[0] + np.cos(yaw) * w[1],
+                    w[2],
+                ]
+            )
+            x = MODEL.step(x, u, TS / steps) + TS / steps * drift
+        np.testing.assert_allclose(log["pose"][k + 1], x, rtol=0, atol=2e-6)
+
+
+def test_exactly_one_solve_per_sample():
+    diagram = MakeDiagram(load_scenario("rectangle"))
+    simulator = Simulator(diagram)
+    for k in range(12):
+        simulator.AdvanceTo(k * TS + TS / 2)
+        plan = diagram.GetOutputPort("plan").Eval(simulator.get_context())
+        assert plan.sample == k
+
+
+def test_the_same_seed_gives_the_same_log():
+    one = short_run().log
+    two = simulate(load_scenario("rectangle", ["duration=4"]), "rectangle").log
+    other = short_run("seed=1").log
+    for key in one.keys() - {"solve_time_s"}:
+        np.testing.assert_array_equal(one[key], two[key], err_msg=key)
+    assert not np.array_equal(one["pose"], other["pose"])
+
+
+def test_two_simulators_on_one_diagram_do_not_disturb_each_other():
+    diagram = MakeDiagram(load_scenario("circle"))
+    pose = diagram.GetOutputPort("pose")
+    alone = Simulator(diagram)
+    alone.AdvanceTo(1.0)
+    expected = pose.Eval(alone.get_context())
+
+    first, second = Simulator(diagram), Simulator(diagram)
+    for k in range(1, 11):
+        first.AdvanceTo(0.1 * k)
+        second.AdvanceTo(0.05 * k)
+    np.testing.assert_array_equal(pose.Eval(first.get_context()), expected)
+    second.AdvanceTo(1.0)
+    np.testing.assert_allclose(pose.Eval(second.get_context()), expected, atol=1e-9)
+
+
+def test_log_has_the_contract_arrays_and_shapes():
+    log = short_run().log
+    n = 41
+    shapes = {
+        "time": (n,),
+        "reference": (n, 3),
+        "pose": (n, 3),
+        "nominal_pose": (n, 3),
+        "nominal_next": (n, 3),
+        "nominal_plan": (n, 10, 4),
+        "nominal_input": (n, 4),
+        "applied_input": (n, 4),
+        "gain": (n, 4, 3),
+        "half_width": (n, 3),
+        "input_lower": (n, 4),
+        "input_upper": (n, 4),
+        "disturbance": (n, 3),
+        "solve_time_s": (n,),
+        "iterations": (n,),
+        "status": (n,),
+    }
+    assert {key: value.shape for key, value in log.items()} == shapes
+
+
+def test_summary_has_the_contract_keys_and_counts_by_hand():
+    run = short_run()
+    summary = summarise(run)
+    assert list(summary) == [
+        "scenario",
+        "seed",
+        "steps",
+        "simulated_time_s",
+        "wall_time_s",
+        "rmse",
+        "solve_time_ms",
+        "solver",
+        "solve_failures",
+        "tube_violations",
+        "successor_violations",
+        "input_violations",
+        "rate_violations",
+        "versions",
+    ]
+    assert summary["steps"] == 41 and summary["simulated_time_s"] == pytest.approx(4.0)
+    x_error = run.log["pose"][:, 0] - run.log["reference"][:, 0]
+    assert summary["rmse"]["x_m"] == pytest.approx(np.sqrt(np.mean(x_error**2)), rel=1e-12)
+
+
+def test_violations_are_counted_where_they_are():
+    log = {key: value.copy() for key, value in short_run().log.items()}
+    log["pose"][5] += [0, 0, 1.0]  # Outside the tube at 5; also not where sample 4 predicted.
+    log["applied_input"][7, 2] = 100.1
+    log["nominal_input"][9, 0] += 1000.0  # Two moves too large: there and back.
+    log["status"][3] = 1
+    run = short_run()
+    before, after = summarise(run), summarise(Run(run.name, run.scenario, log, run.rate_limit, 0.0))
+    changes = {k: after[k] - before[k] for k in after if k.endswith(("violations", "failures"))}
+    assert changes == {
+        "solve_failures": 1,
+        "tube_violations": 1,
+        "successor_violations": 1,
+        "input_violations": 1,
+        "rate_violations": 2,
+    }
+
+
+def test_yaw_error_is_wrapped_and_log_is_unwrapped():
+    run = simulate(load_scenario("turning_circle"), "turning_circle")
+    assert run.log["pose"][-1, 2] > 2 * np.pi
+    assert np.abs(np.diff(run.log["pose"][:, 2])).max() < 0.1
+    assert np.abs(pose_error(run.log["pose"], run.log["reference"])[:, 2]).max() < 0.1
+
+
+def test_a_run_saves_and_loads(tmp_path):
+    run = short_run()
+    summary = save_run(run, tmp_path / "deep" / "folder")
+    with np.load(tmp_path / "deep" / "folder" / "log.npz") as log:
+        assert sorted(log) == sorted(run.log)
+        np.testing.assert_array_equal(log["gain"], run.log["gain"])
+    assert json.loads((tmp_path / "deep" / "folder" / "summary.json").read_text()) == summary
+    again = load_scenario(str(tmp_path / "deep" / "folder" / "rectangle.scenario.yaml"))
+    assert repr(again) == repr(run.scenario)
+    assert sorted(p.name for p in (tmp_path / "deep" / "folder").iterdir()) == [
+        "log.npz",
+        "rectangle.scenario.yaml",
+        "summary.json",
+    ]
+
+
+def test_a_folder_that_is_a_file_is_a_user_error(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(UserError, match="cannot be written"):
+        save_run(short_run(), tmp_path / "file")
+
+
+def test_a_failing_solver_stops_the_robot_and_is_counted():
+    """No solve can meet this limit: the run goes on, the wheels stay at rest."""
+    run = short_run("nominal_nmpc.time_limit=1e-9")
+    summary = summarise(run)
+    assert summary["solve_failures"] == summary["steps"] == 41
+    assert np.all(run.log["applied_input"] == 0)
+    assert np.all(run.log["status"] == 2)

@@ -1,0 +1,175 @@
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from mirte_drake.control.reference_paths import CirclePath, RectanglePath, VelocityLegsPath
+from mirte_drake.errors import UserError
+from mirte_drake.scenario import (
+    Scenario,
+    load_scenario,
+    scenario_names,
+    scenario_stem,
+)
+from mirte_drake.systems.disturbance_source import CornerDisturbance, NoDisturbance
+from mirte_drake.systems.velocity_setpoint import VelocitySetpointConfig
+from mirte_drake.typed_yaml import write_typed
+
+PUBLISHED = ("rectangle", "circle", "turning_circle", "robot_rectangle", "robot_circle")
+
+
+def test_the_contract_names_are_there():
+    assert set(scenario_names()) == {*PUBLISHED, *(f"baseline_{name}" for name in PUBLISHED)}
+
+
+def test_the_rectangle_is_the_default_scenario():
+    loaded = dc.replace(load_scenario("rectangle"), description="")
+    assert repr(loaded) == repr(Scenario())
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_a_baseline_differs_in_tube_and_ancillary_law_alone(name):
+    baseline, full = load_scenario(f"baseline_{name}"), load_scenario(name)
+    assert baseline.tube_updater is None and baseline.ancillary_dlqr is None
+    same = dc.replace(
+        baseline,
+        description=full.description,
+        tube_updater=full.tube_updater,
+        ancillary_dlqr=full.ancillary_dlqr,
+    )
+    assert repr(same) == repr(full)
+
+
+def test_robot_settings_are_the_published_programs():
+    scenario = load_scenario("robot_circle")
+    nmpc = scenario.nominal_nmpc
+    assert nmpc.state_weight.tolist() == [1000, 7000, 10000]
+    assert (nmpc.rate_limit, nmpc.rate_unit) == (30, "pwm_per_s")
+    assert scenario.tube_updater.disturbance_bound.tolist() == [0.05, 0.05, 0.05]
+    assert scenario.wheel_command_limiter.deadband == 10
+
+
+def test_overrides_change_numbers_arrays_and_kinds():
+    scenario = load_scenario(
+        "rectangle",
+        [
+            "seed=7",
+            "tube_updater.disturbance_bound=[0.1, 0.2, 0.3]",
+            "disturbance=!CornerDisturbance {bound: [1, 1, 1]}",
+            "reference=!CirclePath {radius: 1.5}",
+            "nominal_nmpc.terminal_weight=null",
+        ],
+    )
+    assert scenario.seed == 7
+    assert scenario.tube_updater.disturbance_bound.tolist() == [0.1, 0.2, 0.3]
+    assert isinstance(scenario.disturbance, CornerDisturbance)
+    assert isinstance(scenario.reference, CirclePath) and scenario.reference.radius == 1.5
+    assert scenario.nominal_nmpc.terminal_weight is None
+
+
+def test_an_override_inside_a_part_keeps_its_kind():
+    scenario = load_scenario(
+        "turning_circle", ["reference.radius=0.9", "disturbance.bound=[1,1,1]"]
+    )
+    assert scenario.reference == CirclePath(radius=0.9, heading="tangent")
+    assert scenario.disturbance.bound.tolist() == [1, 1, 1]
+
+
+def test_own_scenario_extends_a_known_one(tmp_path):
+    path = tmp_path / "mine.scenario.yaml"
+    path.write_text(
+        "extends: circle\nreference: !CirclePath {radius: 0.9}\ndisturbance: !NoDisturbance {}\n"
+    )
+    scenario = load_scenario(str(path))
+    assert scenario.reference == CirclePath(radius=0.9, duration=30.0)
+    assert scenario.disturbance == NoDisturbance()
+    assert scenario_stem(str(path)) == "mine"
+
+
+def test_a_saved_scenario_loads_as_it_was(tmp_path):
+    scenario = load_scenario("baseline_robot_circle", ["seed=3"])
+    write_typed(scenario, tmp_path / "again.scenario.yaml")
+    again = load_scenario(str(tmp_path / "again.scenario.yaml"))
+    assert repr(again) == repr(scenario)
+
+
+def test_duration_and_steps():
+    assert Scenario().steps == 251
+    assert Scenario(duration=1.0).steps == 11
+    assert Scenario(reference=RectanglePath(duration=10.0)).steps == 101
+    assert Scenario(reference=VelocityLegsPath()).first_pose.tolist() == [0, 0, 0]
+    setpoint = VelocitySetpointConfig(start=np.array([1.0, 2.0, 3.0]))
+    assert Scenario(reference=setpoint, duration=1.0).first_pose.tolist() == [1, 2, 3]
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ("sed=1", ["sed"]),
+        ("nominal_nmpc.horizonn=3", ["horizonn"]),
+        ("nominal_nmpc.horizon=abc", ["nominal_nmpc.horizon"]),
+        ("nominal_nmpc.horizon=0", ["nominal_nmpc.horizon", ">= 1", "got 0"]),
+        ("nominal_nmpc.state_weight=[.nan, 1, 1]", ["nominal_nmpc.state_weight", "finite"]),
+        ("nominal_nmpc.state_weight=[1, 1]", ["nominal_nmpc.state_weight", "shape (3,)"]),
+        ("nominal_nmpc.solver=gurobi", ["nominal_nmpc.solver", "snopt, ipopt", "gurobi"]),
+        ("tube_updater.disturbance_bound=[-1, 0, 0]", ["tube_updater.disturbance_bound", ">= 0"]),
+        ("tube_updater.disturbance_frame=body", ["disturbance_frame", "published, rotated"]),
+        ("ancillary_dlqr=null", ["tube_updater", "needs ancillary_dlqr"]),
+        ("period=0", ["period", "> 0"]),
+        ("duration=-1", ["duration", "> 0"]),
+        ("seed=-1", ["seed", ">= 0"]),
+        ("robot.initial_pose=[1]", ["robot.initial_pose", "shape (3,)"]),
+        ("reference=!Spiral {}", ["reference", "Spiral"]),
+        ("reference=!VelocitySetpointConfig {}", ["duration", "must be given"]),
+        ("reference.rest=9", ["reference.rest", "shorter"]),
+        ("disturbance=!RecordedDisturbance {file: no.csv}", ["disturbance.file", "no.csv"]),
+        ("nonsense", ["path.to.field=value"]),
+        ("a b=1", ["path.to.field=value"]),
+        ("seed=[", ["not valid YAML"]),
+    ],
+)
+def test_bad_overrides_name_option_field_and_remedy(override, words):
+    with pytest.raises(UserError) as caught:
+        load_scenario("rectangle", [override])
+    message = str(caught.value)
+    assert "\n" not in message
+    for word in [f"--set {override}", *words]:
+        assert word in message
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("tube_updatr: {}\n", ["tube_updatr"]),
+        ("seed: one\n", ["seed"]),
+        ("- 1\n- 2\n", ["mapping"]),
+        ("seed: [1\n", ["line", "not valid YAML"]),
+        ("extends: nowhere\n", ["extends", "nowhere"]),
+        ("tube_updater: {disturbance_bound: [1, .inf, 1]}\n", ["disturbance_bound", "finite"]),
+    ],
+)
+def test_bad_files_name_file_and_field(tmp_path, text, words):
+    path = tmp_path / "bad.scenario.yaml"
+    path.write_text(text)
+    with pytest.raises(UserError) as caught:
+        load_scenario(str(path))
+    for word in [str(path), *words]:
+        assert word in str(caught.value)
+
+
+def test_unknown_name_suggests_a_near_one():
+    with pytest.raises(UserError, match="did you mean 'rectangle'"):
+        load_scenario("rectangel")
+
+
+def test_a_circle_of_extends_is_found(tmp_path):
+    one, two = tmp_path / "one.yaml", tmp_path / "two.yaml"
+    one.write_text(f"extends: {two}\n")
+    two.write_text(f"extends: {one}\n")
+    with pytest.raises(UserError, match="round in a circle"):
+        load_scenario(str(one))
+
+
+def test_a_missing_file_is_named():
+    with pytest.raises(UserError, match=r"nowhere\.yaml: cannot be read"):
+        load_scenario("nowhere.yaml")
