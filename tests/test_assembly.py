@@ -141,6 +141,34 @@ def test_command_follows_from_the_pose_of_its_own_instant(name):
     assert largest_correction > 1.0
 
 
+def test_input_limit_holds_for_plan_and_command():
+    pose = np.array([0.0, 0.0, np.pi / 2])  # 0.6 m beside the path: full speed is needed.
+    robot = SindycRobotConfig(initial_pose=pose)
+    for scenario in (TURNING, BASELINE):
+        scenario = dc.replace(scenario, robot=robot, input_limit=25.0)
+        simulator = Simulator(MakeDiagram(scenario))
+        rows = read_at_samples(simulator, 4, "plan", "wheel_command")
+        assert np.max([np.abs(plan.inputs) for plan, _ in rows]) <= 25.0
+        assert np.max([np.abs(command) for _, command in rows]) == pytest.approx(25.0, abs=1e-6)
+        assert np.max([np.abs(command) for _, command in rows]) <= 25.0
+
+
+def test_limiter_guards_the_input_limit():
+    # A tube this wide lets the plan begin at its reference; the correction is then a large one.
+    tube = TubeUpdaterConfig(initial_half_width=np.array([0.5, 0.5, 0.5]))
+    scenario = dc.replace(TURNING, tube_updater=tube, input_limit=25.0)
+    controller = MakeController(scenario)
+    simulator = Simulator(controller)
+    context = simulator.get_mutable_context()
+    controller.GetInputPort("pose").FixValue(context, np.zeros(3))
+    controller.GetInputPort("reference_window").FixValue(context, np.tile([0.5, 0, 0], 11))
+    rows = read_at_samples(simulator, 2, "plan", "wheel_command", "designs")
+    plan, command, designs = rows[0]
+    wanted = plan.nominal_input - designs[0].gain @ pose_error(np.zeros(3), plan.nominal_state)
+    assert np.max(np.abs(wanted)) > 50.0
+    np.testing.assert_array_equal(command, np.clip(wanted, -25.0, 25.0))
+
+
 def test_command_is_held_until_the_next_sample():
     simulator = Simulator(MakeDiagram(TURNING))
     advance_to_sample(simulator, 3)
@@ -149,6 +177,26 @@ def test_command_is_held_until_the_next_sample():
     np.testing.assert_array_equal(read(simulator, "wheel_command"), command)
     advance_to_sample(simulator, 4)
     assert np.all(read(simulator, "wheel_command") != command)
+
+
+def test_stop_ramps_from_the_command_that_the_wheels_were_given():
+    controller = MakeController(TURNING)
+    simulator = Simulator(controller)
+    pose, reference = controller.GetInputPort("pose"), controller.GetInputPort("reference_window")
+    pose.FixValue(simulator.get_mutable_context(), np.zeros(3))
+    reference.FixValue(simulator.get_mutable_context(), np.tile([0.5, 0.0, 0.0], 11))
+    read_at_samples(simulator, 3, "plan")
+    pose.FixValue(simulator.get_mutable_context(), np.array([-0.02, 0.0, 0.05]))
+    reference.FixValue(simulator.get_mutable_context(), np.full(33, np.nan))
+    for k in range(3, 6):
+        advance_to_sample(simulator, k)
+        assert read(simulator, "solve_status") == [SolveStatus.SHIFTED]
+    command = read(simulator, "wheel_command")
+    assert not np.allclose(command, read(simulator, "plan").nominal_input, atol=1.0)
+    advance_to_sample(simulator, 6)
+    assert read(simulator, "solve_status") == [SolveStatus.STOPPING]
+    expected = np.sign(command) * np.maximum(np.abs(command) - 30.0, 0.0)
+    np.testing.assert_allclose(read(simulator, "wheel_command"), expected)
 
 
 def test_tube_moves_by_its_recursion():

@@ -72,9 +72,9 @@ def test_worst_disturbances_keep_the_state_in_the_tube(name, disturbance):
     successor = np.abs(run.log["pose"][1:] - run.log["nominal_next"][:-1])
     counted = np.any(successor > run.log["half_width"][1:] + 1e-9, axis=1).sum()
     assert summary["successor_violations"] == counted
-    # Yaw, by a few milliradians; where the heading turns, the published box also misses the
-    # rotation of the disturbance, by less than a millimetre.
-    assert np.all((successor - run.log["half_width"][1:]).max(axis=0) < [1e-3, 1e-3, 5e-3])
+    # By a few milliradians in yaw; where the heading turns, the published box also misses the
+    # rotation of the disturbance, by about a millimetre.
+    assert np.all((successor - run.log["half_width"][1:]).max(axis=0) < [2e-3, 2e-3, 5e-3])
 
 
 def logged_problems(name: str, count: int):
