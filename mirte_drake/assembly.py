@@ -59,6 +59,7 @@ def MakeController(scenario: Scenario) -> Diagram:
         UserError: when the prediction model has states beside the pose, or cannot be read.
         ValueError: when a config is out of range.
     """
+    scenario.validate()
     model = load_prediction_model(scenario)
     period, horizon, limit = scenario.period, scenario.nominal_nmpc.horizon, scenario.input_limit
     builder = DiagramBuilder()
@@ -120,16 +121,16 @@ def MakeDiagram(scenario: Scenario) -> Diagram:
         - plan
         - disturbance
 
-    The controller's further outputs (``half_width``, ``designs``, ``solve_status``) are exported
-    too where it has them.
+    With a VelocitySetpointConfig as reference there is an input ``velocity_setpoint`` (3,), which
+    may stay open. The controller's further outputs (``half_width``, ``designs``,
+    ``solve_status``) are exported too where it has them.
 
     Raises:
         ValueError: when the scenario is out of range; UserError is one.
     """
-    scenario.validate()
     builder = DiagramBuilder()
-    reference = AddReference(builder, scenario)
     controller = AddController(builder, scenario)
+    reference = AddReference(builder, scenario)
     robot = AddRobot(builder, scenario)
     builder.Connect(
         reference.GetOutputPort("reference_window"), controller.GetInputPort("reference_window")
@@ -142,6 +143,8 @@ def MakeDiagram(scenario: Scenario) -> Diagram:
         )
         builder.Connect(source.GetOutputPort("disturbance"), robot.disturbance)
         builder.ExportOutput(source.GetOutputPort("disturbance"), "disturbance")
+    if reference.HasInputPort("velocity_setpoint"):
+        builder.ExportInput(reference.GetInputPort("velocity_setpoint"), "velocity_setpoint")
     builder.ExportOutput(reference.GetOutputPort("reference"), "reference")
     builder.ExportOutput(robot.pose, "pose")
     builder.ExportOutput(robot.body_velocity, "body_velocity")

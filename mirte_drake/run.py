@@ -81,7 +81,7 @@ def _sample(diagram: Diagram, context: Context) -> dict[str, object]:
         gain = designs[0].gain
     return {
         "time": context.get_time(),
-        "reference": evaluate("reference"),
+        "reference": plan.data.reference[0],
         "pose": evaluate("pose"),
         "nominal_pose": plan.nominal_state[POSE],
         "nominal_next": plan.nominal_next[POSE],

@@ -96,11 +96,15 @@ class NmpcProgram:
         lower, upper = bounds(data)
         message, z, value = "measurement or problem data not finite", guess, np.nan
         if data.is_finite() and np.all(np.isfinite(guess)):
-            result = self._solve(data, np.clip(guess, lower, upper), lower, upper)
-            z, value = self._scaling @ result.get_x_val(), result.get_optimal_cost()
-            message = "" if result.is_success() else _reason(result)
-            if not np.all(np.isfinite(z)):
-                message = message or "solution not finite"
+            try:
+                result = self._solve(data, np.clip(guess, lower, upper), lower, upper)
+            except (ValueError, RuntimeError) as error:  # LinAlgError is a ValueError.
+                message = f"solver broke off: {error}"
+            else:
+                z, value = self._scaling @ result.get_x_val(), result.get_optimal_cost()
+                message = "" if result.is_success() else _reason(result)
+                if not np.all(np.isfinite(z)):
+                    message = message or "solution not finite"
         solve_time = time.perf_counter() - start
         if not message and solve_time > self._time_limit:
             message = f"time limit of {self._time_limit} s exceeded"
@@ -119,6 +123,8 @@ class NmpcProgram:
         self._data, self._evaluations = data, 0
         factor = np.linalg.cholesky(gauss_newton_hessian(self._problem, data, guess))
         self._scaling = np.linalg.inv(factor).T
+        if not np.all(np.isfinite(self._scaling)):  # Drake ends the process on such coefficients.
+            raise ValueError("problem too badly scaled")
         rate_lower, rate_upper = rate_bounds(self._problem, data)
         self._constraint.evaluator().UpdateCoefficients(
             np.vstack([self._scaling, self._rate_matrix @ self._scaling]),

@@ -3,7 +3,8 @@
 The decision vector is z = [x0; u_0; ...; u_{N-1}], the nominal initial state and the inputs held
 over each sample. States follow by zero-order hold (RK4); the problem is
 
-    min  sum_{i=0}^{N-1} |x_{i+1} - r_i|_Q^2 + |u_i|_R^2 + |u_i - u_{i-1}|_Rd^2 + |x_N - r_N|_P^2
+    min  sum_{i=0}^{N-1} |x_{i+1} - r_i|_Q^2 + |u_i|_R^2 + |u_i - u_{i-1}|_Rd^2
+         + |x_N - r_{N-1}|_P^2
     s.t. |x_k - x0| <= d_k,   lower_i <= u_i <= upper_i,   |u_i - u_{i-1}| <= rate_limit
 
 with u_{-1} the last nominal input. Costs are summed without the factor 1/2 and the last state

@@ -1,6 +1,7 @@
 """Disturbs the robot: a body velocity, held over each sample, drawn from a seeded sequence."""
 
 import dataclasses as dc
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from pydrake.systems.framework import (
     LeafSystem,
 )
 
-from mirte_drake.checks import check_array
+from mirte_drake.checks import check_array, check_number
 from mirte_drake.errors import UserError
 
 
@@ -84,13 +85,13 @@ class RecordedDisturbance:
         try:
             if self.file.suffix == ".npz":
                 with np.load(self.file) as log:
-                    samples = log["disturbance"]
+                    samples = np.asarray(log["disturbance"], dtype=float)
             else:
                 samples = np.loadtxt(self.file, delimiter=",", ndmin=2)
         except OSError as error:
             reason = error.strerror or error
             raise UserError(f"file: {self.file} cannot be read: {reason}") from None
-        except (ValueError, KeyError) as error:
+        except (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
             raise UserError(
                 f"file: {self.file} is neither three columns of numbers nor a log.npz: {error}"
             ) from None
@@ -164,6 +165,7 @@ class DisturbanceSource(LeafSystem):
         """
         super().__init__()
         config.validate()
+        check_number("seed", seed, minimum=0, maximum=2**53)
         self._config, self._period = config, period
         self._recorded = config.samples() if isinstance(config, RecordedDisturbance) else None
         self._seed = self.DeclareNumericParameter(BasicVector([float(seed)]))

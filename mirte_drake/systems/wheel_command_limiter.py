@@ -30,7 +30,9 @@ def limit_wheel_command(
     finite = np.where(np.isfinite(command), command, 0.0)
     limited = np.clip(finite, -limit, limit)
     limited = np.where(np.abs(limited) < deadband, 0.0, limited)
-    return np.rint(limited) if round_to_integer else limited
+    # Towards zero where rounding would pass a limit that is no whole number.
+    whole = np.floor(limit)
+    return np.clip(np.rint(limited), -whole, whole) if round_to_integer else limited
 
 
 class WheelCommandLimiter(LeafSystem):
@@ -64,6 +66,7 @@ class WheelCommandLimiter(LeafSystem):
         """
         super().__init__()
         config.validate()
+        check_number("input_limit", input_limit, minimum=0)
         self._config, self._limit = config, input_limit
         self._input = self.DeclareVectorInputPort("wheel_command", 4)
         self.DeclareVectorOutputPort("limited_command", 4, self._calc, {self._input.ticket()})
