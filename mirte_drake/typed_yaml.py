@@ -30,8 +30,17 @@ def parse_typed(schema: type[T], text: str, origin: str, defaults: T | None = No
     root = _compose(text, origin)
     try:
         return yaml_load_typed(schema=schema, data=text, defaults=defaults or schema())
-    except (RuntimeError, ValueError, TypeError, AssertionError, KeyError) as error:
-        field = _field_that_fails(schema, root, defaults)
+    except yaml.YAMLError as error:
+        raise UserError(f"{origin}: not valid YAML: {_one_line(error)}") from None
+    except (
+        RuntimeError,
+        ValueError,
+        TypeError,
+        AssertionError,
+        LookupError,
+        AttributeError,
+    ) as error:
+        field = _field_that_fails(schema, root, defaults or schema())
         raise UserError(f"{origin}: {field}{_one_line(error)}") from None
 
 
@@ -73,7 +82,7 @@ def read_text(path: Path) -> str:
 def write_typed(value: Any, path: Path) -> None:  # noqa: ANN401
     """Writes a dataclass as a YAML file, complete or not at all."""
     root = yaml.compose(yaml_dump_typed(value), Loader=yaml.SafeLoader)
-    _add_nulls(root, value)
+    _complete(root, value)
     with replacing(path) as temporary:
         temporary.write_text(yaml.serialize(root), encoding="utf-8")
 
@@ -95,16 +104,24 @@ def replacing(path: Path) -> Iterator[Path]:
         raise UserError(f"{path}: cannot be written: {error.strerror or error}") from None
 
 
-def _add_nulls(node: yaml.MappingNode, value: Any) -> None:  # noqa: ANN401
-    """Adds the fields that are None: Drake leaves them out, and would load their defaults."""
+def _complete(node: yaml.MappingNode, value: Any) -> None:  # noqa: ANN401
+    """Adds the fields that are None, and restores the order of dictionaries.
+
+    Drake leaves the former out, and would load their defaults; the latter it sorts by name.
+    """
     children = {key.value: child for key, child in node.value}
-    for field in dc.fields(value):
-        item = getattr(value, field.name)
+    if isinstance(value, dict):
+        order = list(value)
+        node.value.sort(key=lambda item: order.index(item[0].value))
+        items: Any = value.items()
+    else:
+        items = [(field.name, getattr(value, field.name)) for field in dc.fields(value)]
+    for name, item in items:
         if item is None:
-            key = yaml.ScalarNode("tag:yaml.org,2002:str", field.name)
+            key = yaml.ScalarNode("tag:yaml.org,2002:str", name)
             node.value.append((key, yaml.ScalarNode("tag:yaml.org,2002:null", "null")))
-        elif dc.is_dataclass(item) and field.name in children:
-            _add_nulls(children[field.name], item)
+        elif isinstance(children.get(name), yaml.MappingNode):
+            _complete(children[name], item)
 
 
 def _compose(text: str, origin: str) -> yaml.MappingNode:
@@ -115,9 +132,32 @@ def _compose(text: str, origin: str) -> yaml.MappingNode:
         line = f", line {mark.line + 1}" if mark else ""
         problem = getattr(error, "problem", None) or _one_line(error)
         raise UserError(f"{origin}{line}: not valid YAML: {problem}") from None
+    except RecursionError:
+        raise UserError(f"{origin}: not valid YAML: nested too deeply") from None
     if not isinstance(root, yaml.MappingNode):
         raise UserError(f"{origin}: must be a YAML mapping of field: value")
+    _check_keys(root, origin, ())
     return root
+
+
+def _check_keys(node: yaml.Node, origin: str, parents: tuple[yaml.Node, ...]) -> None:
+    """Checks that keys are names, that none stands twice, and that no node contains itself."""
+    if node in parents:
+        raise UserError(f"{origin}: not valid YAML: a value contains itself")
+    if not isinstance(node, yaml.CollectionNode):
+        return
+    children = node.value
+    if isinstance(node, yaml.MappingNode):
+        names = []
+        for key, _ in node.value:
+            if key.tag != "tag:yaml.org,2002:str":
+                raise UserError(f"{origin}, line {key.start_mark.line + 1}: a key must be a name")
+            if key.value in names:
+                raise UserError(f"{origin}: {key.value}: stands twice; remove one")
+            names.append(key.value)
+        children = [value for _, value in node.value]
+    for child in children:
+        _check_keys(child, origin, (*parents, node))
 
 
 def _one_line(error: BaseException) -> str:
@@ -127,20 +167,25 @@ def _one_line(error: BaseException) -> str:
 def _field_that_fails(schema: type, root: yaml.MappingNode, defaults: object) -> str:
     """Names the innermost field that alone brings the error about, as ``a.b: ``."""
     path: list[yaml.Node] = []
+
+    def fails(key: yaml.Node, value: yaml.Node) -> bool:
+        for name in reversed([*path, key]):
+            value = yaml.MappingNode("tag:yaml.org,2002:map", [(name, value)])
+        try:
+            yaml_load_typed(schema=schema, data=yaml.serialize(value), defaults=defaults)
+        except Exception:
+            return True
+        return False
+
     node: yaml.Node = root
     while isinstance(node, yaml.MappingNode):
-        for key, value in node.value:
-            alone = value
-            for parent in reversed([*path, key]):
-                alone = yaml.MappingNode("tag:yaml.org,2002:map", [(parent, alone)])
-            try:
-                yaml_load_typed(
-                    schema=schema, data=yaml.serialize(alone), defaults=defaults or schema()
-                )
-            except Exception:
-                path.append(key)
-                node = value
-                break
-        else:
+        found = next(((key, value) for key, value in node.value if fails(key, value)), None)
+        if found is None:
             break
-    return ".".join(str(key.value) for key in path) + ": " if path else ""
+        key, node = found
+        # Where not even an empty mapping fits, the field itself is wrong, not what is in it.
+        wrong = isinstance(node, yaml.MappingNode) and fails(key, yaml.MappingNode(node.tag, []))
+        path.append(key)
+        if wrong:
+            break
+    return ".".join(key.value for key in path) + ": " if path else ""

@@ -93,6 +93,8 @@ def steady_input(model: SparseModel, velocity: np.ndarray) -> np.ndarray:
         error = velocity - f[POSE]
         if np.max(np.abs(error)) < 1e-12:
             return u
+        if not np.all(np.isfinite(error)):
+            break
         u = u + np.linalg.pinv(B[POSE]) @ error
     raise ValueError(f"{model.name}: no input drives at {velocity.tolist()}")
 

@@ -69,7 +69,8 @@ class NmpcProgram:
         """
         if solver not in SOLVERS:
             raise ValueError(f"solver: must be one of {', '.join(SOLVERS)}, got {solver!r}")
-        self._problem, self._time_limit = problem, time_limit
+        self._problem, self._time_limit, self._deadline = problem, time_limit, np.inf
+        self._time_limit_message = f"time limit of {time_limit} s exceeded"
         self._data: TrackingData | None = None
         self._scaling = np.eye(problem.size)
         self._evaluations = 0
@@ -93,6 +94,7 @@ class NmpcProgram:
             guess: (size,) Decision vector to begin from; moved into the bounds.
         """
         start = time.perf_counter()
+        self._evaluations, self._deadline = 0, start + self._time_limit
         lower, upper = bounds(data)
         message, z, value = "measurement or problem data not finite", guess, np.nan
         if data.is_finite() and np.all(np.isfinite(guess)):
@@ -107,7 +109,7 @@ class NmpcProgram:
                     message = message or "solution not finite"
         solve_time = time.perf_counter() - start
         if not message and solve_time > self._time_limit:
-            message = f"time limit of {self._time_limit} s exceeded"
+            message = self._time_limit_message
         # Solvers meet bounds within their tolerance; the tube and the input set ask for exactly.
         x0, inputs = split(self._problem, np.clip(z, lower, upper))
         return NmpcSolution(not message, message, x0, inputs, value, self._evaluations, solve_time)
@@ -120,7 +122,7 @@ class NmpcProgram:
         The cost is then nearly |y|^2 / 2, and the quasi-Newton solvers need ten evaluations where
         they took two hundred in z.
         """
-        self._data, self._evaluations = data, 0
+        self._data = data
         factor = np.linalg.cholesky(gauss_newton_hessian(self._problem, data, guess))
         self._scaling = np.linalg.inv(factor).T
         if not np.all(np.isfinite(self._scaling)):  # Drake ends the process on such coefficients.
@@ -135,6 +137,8 @@ class NmpcProgram:
 
     def _evaluate(self, y: np.ndarray) -> object:
         self._evaluations += 1
+        if time.perf_counter() > self._deadline:  # SNOPT looks at its own limit too rarely.
+            raise RuntimeError(self._time_limit_message)
         assert self._data is not None
         if y.dtype == object:
             z = self._scaling @ ExtractValue(y).ravel()

@@ -118,17 +118,16 @@ class VelocityLegsPath:
 
     def poses(self, period: float) -> np.ndarray:
         """Returns the poses (N, 3)."""
-        ends = np.cumsum([leg.duration for leg in self.legs])
-        times = sample_times(ends[-1], period)
-        middles = times[:-1] + 0.5 * period
-        index = np.searchsorted(ends, middles).clip(max=len(self.legs) - 1)
         durations = np.array([leg.duration for leg in self.legs])
-        since_start = middles - (ends - durations)[index]
-        ramp = np.maximum(self.ramp_fraction * durations[index], 1e-12)
-        velocities = np.array([leg.velocity for leg in self.legs])[index]
-        return integrate_body_velocity(
-            velocities * np.minimum(since_start / ramp, 1.0)[:, None], self.start, period
-        )
+        ends = np.cumsum(durations)
+        times = sample_times(ends[-1], period)
+        into_leg = np.clip(times[:, None] - (ends - durations), 0.0, durations)
+        # Time driven at full speed that covers the same way: the ramp costs half its length.
+        ramp = np.maximum(self.ramp_fraction * durations, 1e-12)
+        driven = np.where(into_leg < ramp, into_leg**2 / (2 * ramp), into_leg - ramp / 2)
+        velocities = np.array([leg.velocity for leg in self.legs])
+        means = np.diff(driven, axis=0) @ velocities / period
+        return integrate_body_velocity(means, self.start, period)
 
 
 @dc.dataclass

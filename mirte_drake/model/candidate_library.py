@@ -92,9 +92,8 @@ class CandidateLibrary:
             raise ValueError(f"terms have factors that are no variables: {unknown}")
         length = max((len(term) for term in terms), default=1) or 1
         padded = [[*term, *["1"] * (length - len(term))] for term in terms]
-        self._factors = np.array([[names.index(f) for f in row] for row in padded]).reshape(
-            len(terms), length
-        )
+        indices = [[names.index(f) for f in row] for row in padded]
+        self._factors = np.array(indices, dtype=int).reshape(len(terms), length)
         self._heading = list(variables).index(HEADING)
 
     def evaluate(self, values: np.ndarray) -> np.ndarray:

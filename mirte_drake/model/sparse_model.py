@@ -58,6 +58,10 @@ class SparseModel:
         if set(derivatives) != set(states):
             raise ValueError(f"derivatives must be given for {list(states)}: {list(derivatives)}")
         variables = (*self.states, *self.inputs)
+        every_name = [*variables, *(auxiliaries or {})]
+        twice = sorted({name for name in every_name if every_name.count(name) > 1})
+        if twice:
+            raise ValueError(f"names of states, inputs and auxiliaries stand twice: {twice}")
         auxiliary_tables = {
             key: _parse_table(key, table, variables) for key, table in (auxiliaries or {}).items()
         }

@@ -1,0 +1,203 @@
+import dataclasses as dc
+
+import numpy as np
+import pytest
+from pydrake.autodiffutils import InitializeAutoDiff
+
+from mirte_drake.control.dlqr import steady_input
+from mirte_drake.control.tracking_problem import (
+    bounds,
+    cost,
+    cost_and_gradient,
+    gauss_newton_hessian,
+    join,
+    rate_bounds,
+    rate_matrix,
+    split,
+    stage_references,
+)
+from mirte_drake.model.model_file import load_model
+
+
+@pytest.fixture(params=[False, True], ids=["published", "aligned"])
+def either(problem, request):
+    return dc.replace(problem, aligned=request.param)
+
+
+@pytest.fixture
+def dynamic_problem(problem):
+    return dc.replace(problem, model=load_model("dynamic"))
+
+
+@pytest.fixture
+def z(make_data) -> np.ndarray:
+    rng = np.random.default_rng(3)
+    return np.concatenate([make_data().state + 0.01 * rng.normal(size=3), rng.uniform(-60, 60, 40)])
+
+
+def naive_cost(problem, data, z):
+    """Costs (4-9) with loops, for float and AutoDiffXd."""
+    f, Ts, n = problem.model.derivative, problem.period, problem.model.num_states
+    x, last, total = z[:n], data.previous_input, 0.0
+    for i in range(problem.horizon):
+        u = z[n + 4 * i : n + 4 * i + 4]
+        k1 = f(x, u)
+        k2 = f(x + Ts / 2 * k1, u)
+        k3 = f(x + Ts / 2 * k2, u)
+        k4 = f(x + Ts * k3, u)
+        x = x + Ts / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        error = x[:3] - data.reference[i + 1 if problem.aligned else i]
+        yaw = error[2].value() if error.dtype == object else error[2]
+        error[2] = error[2] - 2 * np.pi * round(yaw / (2 * np.pi))
+        total = total + error.dot(problem.state_weight).dot(error)
+        total = total + u.dot(problem.input_weight).dot(u)
+        total = total + (u - last).dot(problem.rate_weight).dot(u - last)
+        last = u
+    return total + error.dot(problem.terminal_weight).dot(error)
+
+
+def gradient_by_differences(problem, data, z) -> np.ndarray:
+    steps = 1e-5 * np.eye(z.size)
+    return np.array(
+        [(cost(problem, data, z + e) - cost(problem, data, z - e)) / 2e-5 for e in steps]
+    )
+
+
+def test_decision_vector_is_state_then_inputs_stage_by_stage(problem):
+    x0, inputs = split(problem, np.arange(43.0))
+    assert problem.size == 43
+    np.testing.assert_array_equal(x0, [0, 1, 2])
+    np.testing.assert_array_equal(inputs[:2], [[3, 4, 5, 6], [7, 8, 9, 10]])
+    np.testing.assert_array_equal(join(x0, inputs), np.arange(43.0))
+
+
+def test_cost_equals_a_plain_loop(either, make_data, z):
+    np.testing.assert_allclose(cost(either, make_data(), z), naive_cost(either, make_data(), z))
+
+
+def test_cost_with_coupled_weights_equals_a_plain_loop(either, make_data, z):
+    rng = np.random.default_rng(4)
+    roots = {"state_weight": 3, "input_weight": 4, "rate_weight": 4, "terminal_weight": 3}
+    factors = {name: rng.normal(size=(size, size)) for name, size in roots.items()}
+    coupled = dc.replace(either, **{name: M @ M.T for name, M in factors.items()})
+    data = make_data()
+    np.testing.assert_allclose(cost(coupled, data, z), naive_cost(coupled, data, z))
+    _, gradient = cost_and_gradient(coupled, data, z)
+    differences = gradient_by_differences(coupled, data, z)
+    np.testing.assert_allclose(gradient, differences, rtol=1e-6, atol=1e-3)
+
+
+def test_cost_of_one_stage_by_hand(problem, make_data):
+    single = dc.replace(problem, horizon=1, terminal_weight=np.diag([1.0, 2.0, 3.0]))
+    data = make_data(reference=np.array([[0.1, 0.2, 0.3], [9.0, 9.0, 9.0]]))
+    value = cost(single, data, np.zeros(7))  # At rest at the origin, the wheels braked to 0.
+    errors = 1001 * 0.1**2 + 1002 * 0.2**2 + 1003 * 0.3**2
+    np.testing.assert_allclose(value, errors + 0.001 * (25 + 9 + 64 + 1))
+
+
+@pytest.mark.parametrize("turns", [-2, 1, 5])
+def test_reference_shifted_by_whole_turns_costs_the_same(either, make_data, z, turns):
+    data = make_data()
+    shifted = make_data(reference=data.reference + np.array([0, 0, 2 * np.pi * turns]))
+    value, gradient = cost_and_gradient(either, data, z)
+    shifted_value, shifted_gradient = cost_and_gradient(either, shifted, z)
+    np.testing.assert_allclose(shifted_value, value, rtol=1e-12)
+    np.testing.assert_allclose(shifted_gradient, gradient, rtol=1e-9, atol=1e-9)
+
+
+def test_window_that_wraps_is_unwrapped_near_the_measured_yaw(either, make_data):
+    straight = np.column_stack([np.zeros(11), np.zeros(11), np.linspace(3.0, 3.5, 11)])
+    wrapped = straight - np.array([0, 0, 2 * np.pi]) * (straight[:, 2:] > np.pi)
+    data = make_data(reference=wrapped, state=np.array([0.0, 0.0, 3.0 - 4 * np.pi]))
+    first = int(either.aligned)
+    expected = straight[first : first + 10] - np.array([0, 0, 4 * np.pi])
+    before = wrapped.copy()
+    np.testing.assert_allclose(stage_references(either, data), expected, atol=1e-12)
+    np.testing.assert_array_equal(data.reference, before)
+
+
+def test_gradient_equals_central_differences(either, make_data, z):
+    _, gradient = cost_and_gradient(either, make_data(), z)
+    differences = gradient_by_differences(either, make_data(), z)
+    np.testing.assert_allclose(gradient, differences, rtol=1e-6, atol=1e-4)
+
+
+def test_gradient_equals_autodiff_through_a_plain_loop(either, make_data, z):
+    automatic = naive_cost(either, make_data(), InitializeAutoDiff(z).ravel())
+    value, gradient = cost_and_gradient(either, make_data(), z)
+    np.testing.assert_allclose(value, automatic.value())
+    np.testing.assert_allclose(gradient, automatic.derivatives(), rtol=1e-10, atol=1e-9)
+
+
+def test_gradient_of_a_model_with_more_states_than_the_pose(dynamic_problem, make_data):
+    rng = np.random.default_rng(5)
+    z = np.concatenate([0.1 * rng.normal(size=6), rng.uniform(-60, 60, 40)])
+    data = make_data(state=z[:6], half_width=np.zeros(6))
+    automatic = naive_cost(dynamic_problem, data, InitializeAutoDiff(z).ravel())
+    value, gradient = cost_and_gradient(dynamic_problem, data, z)
+    np.testing.assert_allclose(value, automatic.value())
+    np.testing.assert_allclose(gradient, automatic.derivatives(), rtol=1e-10, atol=1e-9)
+
+
+def test_hessian_is_symmetric_and_positive_definite(either, make_data, z):
+    hessian = gauss_newton_hessian(either, make_data(), z)
+    np.testing.assert_allclose(hessian, hessian.T, rtol=1e-12)
+    assert np.min(np.linalg.eigvalsh(hessian)) > 0.9 * 2 * 0.001
+
+
+def test_hessian_is_exact_where_the_residual_is_zero(problem, make_data):
+    # Steady straight driving along its own prediction: no tracking error in any stage.
+    inputs = np.tile(steady_input(problem.model, np.array([0.1, 0.0, 0.0])), (10, 1))
+    z = join(np.zeros(3), inputs)
+    states = problem.model.roll_out(np.zeros(3), inputs, 0.1)
+    data = make_data(state=np.zeros(3), reference=states)
+    aligned = dc.replace(problem, aligned=True)
+    differences = []
+    for step in 1e-5 * np.eye(43):
+        ahead, behind = (cost_and_gradient(aligned, data, z + s)[1] for s in (step, -step))
+        differences.append((ahead - behind) / 2e-5)
+    hessian = gauss_newton_hessian(aligned, data, z)
+    np.testing.assert_allclose(hessian, differences, rtol=0, atol=1e-6 * np.max(hessian))
+
+
+def test_hessian_of_a_model_with_more_states_than_the_pose(dynamic_problem, make_data):
+    z = np.concatenate([np.full(6, 0.1), np.full(40, 20.0)])
+    hessian = gauss_newton_hessian(dynamic_problem, make_data(state=z[:6]), z)
+    assert hessian.shape == (46, 46)
+    # Without weight on velocities each pose error is still seen, and each input is paid for.
+    assert np.min(np.linalg.eigvalsh(hessian)) > 0
+
+
+def test_bounds_by_hand(make_data):
+    data = make_data(
+        half_width=np.array([0.1, 0.2, 0.3]), input_upper=np.arange(40.0).reshape(10, 4)
+    )
+    lower, upper = bounds(data)
+    np.testing.assert_allclose(lower, [-0.09, -0.22, -0.27, *np.full(40, -90.0)])
+    np.testing.assert_allclose(upper, [0.11, 0.18, 0.33, *np.arange(40.0)])
+
+
+def test_rate_matrix_gives_the_moves(problem):
+    inputs = np.random.default_rng(6).normal(size=(10, 4))
+    moves = rate_matrix(problem) @ join(np.array([7.0, 8.0, 9.0]), inputs)
+    expected = np.concatenate([inputs[0], *(inputs[1:] - inputs[:-1])])
+    assert rate_matrix(problem).shape == (40, 43)
+    np.testing.assert_allclose(moves, expected)
+
+
+def test_rate_bounds_by_hand(problem, make_data):
+    limited = dc.replace(problem, rate_limit=np.array([1.0, 2.0, 3.0, 4.0]))
+    lower, upper = rate_bounds(limited, make_data())
+    np.testing.assert_array_equal(lower[:8], [4.0, -5.0, 5.0, -3.0, -1.0, -2.0, -3.0, -4.0])
+    np.testing.assert_array_equal(upper[:8], [6.0, -1.0, 11.0, 5.0, 1.0, 2.0, 3.0, 4.0])
+    np.testing.assert_array_equal(upper[8:], np.tile([1.0, 2.0, 3.0, 4.0], 8))
+    np.testing.assert_array_equal(lower[8:], -upper[8:])
+
+
+@pytest.mark.parametrize("field", ["state", "reference", "half_width", "previous_input"])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_data_that_is_not_finite_is_found(make_data, field, value):
+    assert make_data().is_finite()
+    array = getattr(make_data(), field).copy()
+    array.flat[-1] = value
+    assert not make_data(**{field: array}).is_finite()
