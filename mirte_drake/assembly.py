@@ -1,8 +1,12 @@
 """The only wiring: robot, controller and the Diagram of a scenario."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import ZeroOrderHold
 
+from mirte_drake.errors import UserError
 from mirte_drake.robots.robot_ports import RobotPorts
 from mirte_drake.robots.sindyc_robot import AddSindycRobot
 from mirte_drake.scenario import Scenario, load_prediction_model
@@ -56,14 +60,18 @@ def MakeController(scenario: Scenario) -> Diagram:
     an ancillary law; the baseline NMPC has neither.
 
     Raises:
-        UserError: when the prediction model has states beside the pose, or cannot be read.
+        UserError: when the prediction model has states beside the pose, cannot be read, or cannot
+            be stabilised.
         ValueError: when a config is out of range.
     """
     scenario.validate()
     model = load_prediction_model(scenario)
     period, horizon, limit = scenario.period, scenario.nominal_nmpc.horizon, scenario.input_limit
     builder = DiagramBuilder()
-    nmpc = AddNominalNmpc(builder, scenario.nominal_nmpc, model, period=period, input_limit=limit)
+    with _naming("nominal_nmpc"):
+        nmpc = AddNominalNmpc(
+            builder, scenario.nominal_nmpc, model, period=period, input_limit=limit
+        )
     limiter = AddWheelCommandLimiter(builder, scenario.wheel_command_limiter, input_limit=limit)
     hold = builder.AddNamedSystem("command_hold", ZeroOrderHold(period, model.num_inputs))
 
@@ -79,13 +87,11 @@ def MakeController(scenario: Scenario) -> Diagram:
     tube = scenario.tube_updater
     if scenario.ancillary_dlqr is not None:
         stagewise = tube is not None and tube.tightening_over_horizon == "stagewise"
-        ancillary = AddAncillaryDlqr(
-            builder,
-            scenario.ancillary_dlqr,
-            model,
-            period=period,
-            stages=horizon if stagewise else 1,
-        )
+        stages = horizon if stagewise else 1
+        with _naming("ancillary_dlqr"):
+            ancillary = AddAncillaryDlqr(
+                builder, scenario.ancillary_dlqr, model, period=period, stages=stages
+            )
         builder.Connect(nmpc.GetOutputPort("plan"), ancillary.GetInputPort("plan"))
         builder.ConnectInput("pose", ancillary.GetInputPort("state"))
         builder.ExportOutput(ancillary.GetOutputPort("designs"), "designs")
@@ -100,6 +106,15 @@ def MakeController(scenario: Scenario) -> Diagram:
     controller = builder.Build()
     controller.set_name("controller")
     return controller
+
+
+@contextmanager
+def _naming(field: str) -> Iterator[None]:
+    """Names the scenario's field in errors that only show when its system is made."""
+    try:
+        yield
+    except ValueError as error:
+        raise UserError(f"{field}: {error}") from None
 
 
 def AddController(builder: DiagramBuilder, scenario: Scenario) -> Diagram:

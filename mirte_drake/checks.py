@@ -1,5 +1,7 @@
 """Checks of configuration values, each raising one clear line."""
 
+import sys
+
 import numpy as np
 
 
@@ -17,7 +19,7 @@ def check_array(name: str, value: object, shape: tuple[int, ...], minimum: float
     """
     try:
         array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{name}: must be numbers of shape {shape}, got {value}") from None
     if array.shape != shape:
         raise ValueError(f"{name}: must have shape {shape}, got shape {array.shape}")
@@ -40,7 +42,8 @@ def check_number(
     Raises:
         ValueError: when it is not.
     """
-    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+    largest = sys.float_info.max  # An int may be larger than any float.
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= largest:
         raise ValueError(f"{name}: must be a finite number, got {value}")
     if above is not None and not value > above:
         raise ValueError(f"{name}: must be > {above:g}, got {value}")

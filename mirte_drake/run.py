@@ -2,7 +2,6 @@
 
 import dataclasses as dc
 import importlib.metadata
-import json
 import platform
 import time
 from collections.abc import Callable
@@ -17,9 +16,10 @@ from mirte_drake.angles import pose_error
 from mirte_drake.assembly import MakeDiagram
 from mirte_drake.control.dlqr import DlqrDesign
 from mirte_drake.control.plan import Plan, SolveStatus
+from mirte_drake.files import replacing, write_json
 from mirte_drake.scenario import Scenario
 from mirte_drake.systems.nominal_nmpc import NominalNmpc
-from mirte_drake.typed_yaml import replacing, write_typed
+from mirte_drake.typed_yaml import write_typed
 from mirte_drake.vectors import POSE
 
 # Room for rounding where the controller meets a bound exactly, and for the solvers' tolerance on
@@ -106,6 +106,10 @@ def summarise(run: Run) -> dict[str, object]:
     rmse = np.sqrt(np.mean(error**2, axis=0))
     tube_error = np.abs(pose_error(log["pose"], log["nominal_pose"]))
     successor_error = np.abs(pose_error(log["pose"][1:], log["nominal_next"][:-1]))
+    # What the ancillary law asked for: what is applied has been saturated.
+    correction = np.einsum("kij,kj->ki", log["gain"], pose_error(log["pose"], log["nominal_pose"]))
+    stopping = log["status"][:, None] == SolveStatus.STOPPING
+    asked = log["nominal_input"] - np.where(stopping, 0.0, correction)
     moves = np.abs(np.diff(log["nominal_input"], axis=0, prepend=0.0))
     p50, p99, slowest = np.percentile(1e3 * log["solve_time_s"], [50, 99, 100])
     return {
@@ -120,7 +124,7 @@ def summarise(run: Run) -> dict[str, object]:
         "solve_failures": _count(log["status"] != SolveStatus.SOLVED),
         "tube_violations": _count(tube_error > log["half_width"] + ROUNDING),
         "successor_violations": _count(successor_error > log["half_width"][1:] + ROUNDING),
-        "input_violations": _count(np.abs(log["applied_input"]) > limit + ROUNDING),
+        "input_violations": _count(np.abs(asked) > limit + ROUNDING),
         "rate_violations": _count(moves > run.rate_limit + RATE_TOLERANCE),
         "versions": versions(),
     }
@@ -128,7 +132,7 @@ def summarise(run: Run) -> dict[str, object]:
 
 def _count(violated: np.ndarray) -> int:
     """Number of samples in which any entry is violated."""
-    return int(np.sum(violated.reshape(len(violated), -1).any(axis=1)))
+    return int(np.sum(violated.any(axis=tuple(range(1, violated.ndim)))))
 
 
 def versions() -> dict[str, str]:
@@ -152,7 +156,6 @@ def save_run(run: Run, folder: Path) -> dict[str, object]:
     summary = summarise(run)
     with replacing(folder / "log.npz") as path:
         np.savez_compressed(path, **run.log)  # type: ignore[arg-type]
-    with replacing(folder / "summary.json") as path:
-        path.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    write_json(summary, folder / "summary.json")
     write_typed(run.scenario, folder / f"{run.name}.scenario.yaml")
     return summary

@@ -11,18 +11,23 @@ import numpy as np
 from mirte_drake.checks import check_number
 from mirte_drake.control.reference_paths import RectanglePath
 from mirte_drake.errors import UserError
+from mirte_drake.files import read_text
 from mirte_drake.model.model_file import load_model
 from mirte_drake.model.sparse_model import SparseModel
 from mirte_drake.robots.sindyc_robot import SindycRobotConfig
 from mirte_drake.systems.ancillary_dlqr import AncillaryDlqrConfig
-from mirte_drake.systems.disturbance_source import DisturbanceConfig, UniformDisturbance
+from mirte_drake.systems.disturbance_source import (
+    DisturbanceConfig,
+    RecordedDisturbance,
+    UniformDisturbance,
+)
 from mirte_drake.systems.nominal_nmpc import NominalNmpcConfig
 from mirte_drake.systems.reference_source import ReferencePathConfig
 from mirte_drake.systems.tube_updater import TubeUpdaterConfig
 from mirte_drake.systems.velocity_setpoint import VelocitySetpointConfig
 from mirte_drake.systems.wheel_command_limiter import WheelCommandLimiterConfig
-from mirte_drake.typed_yaml import parse_typed, read_text, top_level_text
-from mirte_drake.vectors import POSE_SIZE
+from mirte_drake.typed_yaml import parse_typed, top_level_text
+from mirte_drake.vectors import POSE_SIZE, WHEELS
 
 SUFFIX = ".scenario.yaml"
 KINDS = (*get_args(ReferencePathConfig), VelocitySetpointConfig, *get_args(DisturbanceConfig))
@@ -65,7 +70,7 @@ class Scenario:
         check_number("input_limit", self.input_limit, above=0)
         check_number("integration_accuracy", self.integration_accuracy, above=0)
         if self.duration is not None:
-            check_number("duration", self.duration, above=0)
+            check_number("duration", self.duration, minimum=self.period)
         elif isinstance(self.reference, VelocitySetpointConfig):
             raise ValueError("duration: must be given [s], a velocity setpoint has no end")
         for field in dc.fields(self):
@@ -104,6 +109,11 @@ def load_prediction_model(scenario: Scenario) -> SparseModel:
         model = load_model(scenario.prediction_model)
     except UserError as error:
         raise UserError(f"prediction_model: {error}") from None
+    if model.num_inputs != len(WHEELS):
+        raise UserError(
+            f"prediction_model: {scenario.prediction_model!r} must have {len(WHEELS)} inputs, "
+            f"one per wheel, got {model.num_inputs}"
+        )
     if model.num_states != POSE_SIZE:
         raise UserError(
             f"prediction_model: {scenario.prediction_model!r} has states beside the pose "
@@ -125,14 +135,18 @@ def scenario_names() -> list[str]:
     return sorted(p.name.removesuffix(SUFFIX) for p in scenario_folder().glob(f"*{SUFFIX}"))
 
 
-def scenario_path(name_or_path: str) -> Path:
+def scenario_path(name_or_path: str, folder: Path = Path()) -> Path:
     """Returns the YAML file of a scenario.
+
+    Args:
+        name_or_path: Name, or path of a YAML file.
+        folder: Where a relative path begins.
 
     Raises:
         UserError: for an unknown name.
     """
     if name_or_path.endswith((".yaml", ".yml")):
-        return Path(name_or_path)
+        return folder / name_or_path
     names = scenario_names()
     if name_or_path not in names:
         close = difflib.get_close_matches(name_or_path, names, n=1)
@@ -161,9 +175,17 @@ def load_scenario(name_or_path: str, overrides: Sequence[str] = ()) -> Scenario:
     """
     path = scenario_path(name_or_path)
     scenario = _load_with_bases(path, ())
-    _validate(scenario, str(path))
+    error = _problem(scenario)
+    if error:
+        raise UserError(f"{path}: {error}")
+    culprit = ""
     for override in overrides:
         scenario = _override(scenario, override)
+        # Two overrides may need each other, so only the last state must be right.
+        culprit = (culprit or override) if _problem(scenario) else ""
+    error = _problem(scenario)
+    if error:
+        raise UserError(f"--set {culprit}: {error}")
     return scenario
 
 
@@ -175,17 +197,33 @@ def _load_with_bases(path: Path, seen: tuple[Path, ...]) -> Scenario:
     extends = top_level_text(text, "extends", str(path))
     if extends:
         try:
-            base = _load_with_bases(scenario_path(extends), (*seen, path))
+            base = _load_with_bases(scenario_path(extends, path.parent), (*seen, path))
         except UserError as error:
             raise UserError(f"{path}: extends: {error}") from None
     scenario = parse_typed(Scenario, text, str(path), dc.replace(base, description=""))
+    _resolve_paths(scenario, path.parent)
     return dc.replace(scenario, extends="")  # Complete now: it stands for itself.
+
+
+def _resolve_paths(scenario: Scenario, folder: Path) -> None:
+    """Makes the paths in a scenario file absolute: they are meant from that file's folder."""
+
+    def resolved(name_or_path: str) -> str:
+        is_path = name_or_path.endswith((".yaml", ".yml"))
+        return str((folder / name_or_path).resolve()) if is_path else name_or_path
+
+    scenario.prediction_model = resolved(scenario.prediction_model)
+    scenario.robot.model = resolved(scenario.robot.model)
+    if isinstance(scenario.disturbance, RecordedDisturbance):
+        scenario.disturbance.file = (folder / scenario.disturbance.file).resolve()
 
 
 def _override(scenario: Scenario, override: str) -> Scenario:
     origin = f"--set {override}"
     field, separator, value = override.partition("=")
     keys = [key.strip() for key in field.split(".")]
+    if keys == ["extends"]:
+        raise UserError(f"{origin}: extends belongs into a scenario file; run that one")
     if not separator or not all(key.isidentifier() for key in keys):
         raise UserError(f"{origin}: must be path.to.field=value")
     # A part that can be of several kinds keeps its kind when one of its fields changes.
@@ -196,13 +234,13 @@ def _override(scenario: Scenario, override: str) -> Scenario:
     for key, part in zip(reversed(keys), reversed(parts), strict=True):
         kind = f"!{type(part).__name__} " if isinstance(part, KINDS) else ""
         text = f"{kind}{{{key}: {text}}}"
-    result = parse_typed(Scenario, text, origin, defaults=scenario)
-    _validate(result, origin)
-    return result
+    return parse_typed(Scenario, text, origin, defaults=scenario)
 
 
-def _validate(scenario: Scenario, origin: str) -> None:
+def _problem(scenario: Scenario) -> str:
+    """Returns what is wrong with a scenario, or nothing."""
     try:
         scenario.validate()
     except ValueError as error:
-        raise UserError(f"{origin}: {error}") from None
+        return str(error)
+    return ""

@@ -1,9 +1,6 @@
 """Typed YAML: dataclasses to text and back, with errors that a user can mend."""
 
 import dataclasses as dc
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -11,6 +8,7 @@ import yaml
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
 from mirte_drake.errors import UserError
+from mirte_drake.files import read_text, replacing
 
 T = TypeVar("T")
 
@@ -65,43 +63,12 @@ def load_typed(schema: type[T], path: Path, defaults: T | None = None) -> T:
     return parse_typed(schema, read_text(path), str(path), defaults)
 
 
-def read_text(path: Path) -> str:
-    """Returns the text of a file.
-
-    Raises:
-        UserError: when it cannot be read.
-    """
-    try:
-        return path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise UserError(f"{path}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise UserError(f"{path}: cannot be read: it is not UTF-8 text") from None
-
-
 def write_typed(value: Any, path: Path) -> None:  # noqa: ANN401
     """Writes a dataclass as a YAML file, complete or not at all."""
     root = yaml.compose(yaml_dump_typed(value), Loader=yaml.SafeLoader)
     _complete(root, value)
     with replacing(path) as temporary:
         temporary.write_text(yaml.serialize(root), encoding="utf-8")
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """Yields a temporary path of the same suffix that becomes ``path`` when the block succeeds.
-
-    Raises:
-        UserError: when the folder cannot be made or written.
-    """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".partial-", dir=path.parent) as folder:
-            temporary = Path(folder) / path.name
-            yield temporary
-            temporary.replace(path)
-    except OSError as error:
-        raise UserError(f"{path}: cannot be written: {error.strerror or error}") from None
 
 
 def _complete(node: yaml.MappingNode, value: Any) -> None:  # noqa: ANN401

@@ -5,21 +5,11 @@ import sys
 
 import numpy as np
 import pytest
+from cli_runner import run_cli
 
-from mirte_drake.cli import commands, main
+from mirte_drake.cli import commands
 
 QUICK = ["--set", "duration=0.5", "--no-plots"]
-
-
-def run_cli(capsys, *arguments):
-    """Returns exit code, standard output and standard error."""
-    try:
-        main([str(a) for a in arguments])
-        code = 0
-    except SystemExit as end:
-        code = end.code
-    captured = capsys.readouterr()
-    return code, captured.out, captured.err
 
 
 def test_simulate_writes_what_the_contract_says(tmp_path, capsys):
@@ -129,3 +119,34 @@ def test_the_installed_command_runs_from_any_folder(tmp_path):
     command = os.path.join(os.path.dirname(sys.executable), "mirte-drake")
     done = subprocess.run([command, "scenarios"], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0 and "turning_circle" in done.stdout
+
+
+def test_a_folder_holds_one_run_only(tmp_path, capsys):
+    run_cli(capsys, "simulate", "circle", "--set", "duration=0.5", "--output", tmp_path)
+    assert (tmp_path / "path.pdf").exists()
+    (tmp_path / "notes.txt").write_text("mine")
+    run_cli(capsys, "simulate", "rectangle", *QUICK, "--output", tmp_path)
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        "log.npz",
+        "notes.txt",
+        "rectangle.scenario.yaml",
+        "summary.json",
+    ]
+
+
+def test_an_interrupted_run_leaves_nothing(tmp_path, capsys, monkeypatch):
+    def interrupted(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("mirte_drake.visualization.figures.write_figures", interrupted)
+    folder = tmp_path / "out"
+    code, _, err = run_cli(
+        capsys, "simulate", "circle", "--set", "duration=0.5", "--output", folder
+    )
+    assert code == 1 and "interrupted" in err
+    assert list(folder.iterdir()) == []
+
+
+def test_the_module_runs_as_a_command():
+    done = subprocess.run([sys.executable, "-m", "mirte_drake"], capture_output=True, text=True)
+    assert done.returncode == 2 and "Usage: mirte-drake" in done.stdout + done.stderr

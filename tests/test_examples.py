@@ -1,10 +1,12 @@
 """Every example runs as a script in an empty folder and shows what it says."""
 
 import re
+import runpy
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("*.py"))
@@ -14,6 +16,7 @@ EXPECTED = {
     "run_a_study": r"rectangle +RMSE x 0\.00\d\d m, y 0\.01\d\d m\nbaseline_rectangle",
     "one_system_alone": r"after 5\.0 s: \+-0\.0149 m, \+-0\.0246 m, \+-0\.0137 rad",
     "own_robot": r"position error: mean 0\.01\d\d m, largest 0\.02\d\d m",
+    "recover_a_known_model": r"240 s: error .*; support found in .* 100%",
     "export_the_picture": r"rectangle\.svg\n(.*\n)+.*controller\.dot",
 }
 
@@ -27,4 +30,16 @@ def test_example_runs_in_an_empty_folder(path, tmp_path):
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_example_is_short(path):
-    assert 20 <= len(path.read_text().splitlines()) <= 65
+    assert 20 <= len(path.read_text().splitlines()) <= 61
+
+
+@pytest.mark.slow
+def test_recovery_gets_better_with_less_noise_and_more_data(tmp_path):
+    """Errors of noises 0.2, 0.1, 0.05, 0.02 by durations 60, 120, 240 s, means over seeds."""
+    path = Path(__file__).parents[1] / "examples" / "recover_a_known_model.py"
+    results = runpy.run_path(str(path))["main"](tmp_path)
+    errors, supports = results[..., 0].mean(axis=-1), results[..., 1].mean(axis=-1)
+    assert np.all(np.diff(errors, axis=0) < 0)
+    assert np.all(np.diff(errors, axis=1) < 0)
+    assert np.all(supports[-1] == 1.0)
+    assert (tmp_path / "recover_a_known_model.svg").is_file()

@@ -1,4 +1,6 @@
+import dataclasses as dc
 import functools
+import itertools
 import json
 
 import numpy as np
@@ -8,11 +10,14 @@ from pydrake.systems.analysis import Simulator
 from mirte_drake.angles import pose_error
 from mirte_drake.assembly import MakeDiagram
 from mirte_drake.control.dlqr import design_dlqr
+from mirte_drake.control.nmpc_program import NmpcProgram
+from mirte_drake.control.tracking_problem import cost_and_gradient
 from mirte_drake.control.tube import rotated_bound
 from mirte_drake.errors import UserError
 from mirte_drake.model.model_file import load_model
 from mirte_drake.run import Run, save_run, simulate, summarise
 from mirte_drake.scenario import load_scenario
+from mirte_drake.systems.wheel_command_limiter import limit_wheel_command
 
 W_MAX = np.array([0.04, 0.03, 0.09])
 TS = 0.1
@@ -100,13 +105,66 @@ def test_no_sample_is_lost_between_measurement_and_command():
         np.testing.assert_allclose(log["pose"][k + 1], x, rtol=0, atol=2e-6)
 
 
-def test_exactly_one_solve_per_sample():
-    diagram = MakeDiagram(load_scenario("rectangle"))
-    simulator = Simulator(diagram)
-    for k in range(12):
-        simulator.AdvanceTo(k * TS + TS / 2)
-        plan = diagram.GetOutputPort("plan").Eval(simulator.get_context())
-        assert plan.sample == k
+@pytest.mark.parametrize("period", [0.1, 0.07, 1 / 3])
+def test_exactly_one_solve_per_sample(period, monkeypatch):
+    solved = []
+    solve = NmpcProgram.solve
+
+    def counted(self, data, guess):
+        solved.append(data.state.copy())
+        return solve(self, data, guess)
+
+    monkeypatch.setattr(NmpcProgram, "solve", counted)
+    overrides = [f"period={period}", f"duration={12 * period}"]
+    log = simulate(load_scenario("rectangle", overrides), "rectangle").log
+    np.testing.assert_allclose(log["time"], period * np.arange(13), atol=1e-12)
+    np.testing.assert_array_equal(solved, log["pose"])
+
+
+@pytest.mark.parametrize("name", ["robot_rectangle", "robot_circle"])
+def test_with_robot_settings_the_limiter_stands_between_law_and_wheels(name):
+    log = short_run(name=name).log
+    error = log["pose"] - log["nominal_pose"]
+    asked = log["nominal_input"] - np.einsum("kij,kj->ki", log["gain"], error)
+    limited = limit_wheel_command(asked, limit=100.0, deadband=10.0, round_to_integer=True)
+    np.testing.assert_array_equal(log["applied_input"], limited)
+
+
+def test_a_stop_reaches_rest_through_deadband_and_rounding(monkeypatch):
+    """Rounding up again must not keep the ramp from going on."""
+    solve = NmpcProgram.solve
+    count = itertools.count()
+
+    def failing(self, data, guess):
+        solution = solve(self, data, guess)
+        return dc.replace(solution, success=next(count) < 30, message="broken on purpose")
+
+    monkeypatch.setattr(NmpcProgram, "solve", failing)
+    overrides = ["nominal_nmpc.rate_limit=4", "duration=12", "wheel_command_limiter.deadband=0"]
+    log = simulate(load_scenario("robot_rectangle", overrides), "robot").log
+    assert np.all(np.diff(np.abs(log["applied_input"][34:]), axis=0) <= 0)
+    assert np.all(log["applied_input"][-1] == 0)
+    assert np.any(log["applied_input"][33] != 0)
+
+
+def test_ctrl_c_ends_the_run(monkeypatch):
+    evaluations = itertools.count()
+
+    def interrupted(*arguments):
+        if next(evaluations) == 40:
+            raise KeyboardInterrupt
+        return cost_and_gradient(*arguments)
+
+    monkeypatch.setattr("mirte_drake.control.nmpc_program.cost_and_gradient", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        simulate(load_scenario("rectangle"), "rectangle")
+
+
+def test_bounds_that_outrun_the_rate_limit_stop_nobody():
+    legs = "reference=!VelocityLegsPath {legs: [{duration: 6, velocity: [1.0, 0, 0.8]}]}"
+    disturbance = "disturbance=!ConstantDisturbance {value: [0.05, 0.05, 0.05]}"
+    summary = summarise(simulate(load_scenario("robot_rectangle", [legs, disturbance]), "fast"))
+    assert summary["solve_failures"] == 0 and summary["rate_violations"] == 0
 
 
 def test_the_same_seed_gives_the_same_log():
@@ -184,16 +242,16 @@ def test_summary_has_the_contract_keys_and_counts_by_hand():
 
 def test_violations_are_counted_where_they_are():
     log = {key: value.copy() for key, value in short_run().log.items()}
-    log["pose"][5] += [0, 0, 1.0]  # Outside the tube at 5; also not where sample 4 predicted.
-    log["applied_input"][7, 2] = 100.1
-    log["nominal_input"][9, 0] += 1000.0  # Two moves too large: there and back.
+    log["pose"][5] += [0, 0, 0.02]  # Outside the tube at 5; also not where sample 4 predicted.
+    log["nominal_pose"][7, 0] += 0.5  # Outside the tube at 7, and the law asks for too much.
+    log["nominal_input"][9, 0] += 50.0  # Two moves too large: there and back.
     log["status"][3] = 1
     run = short_run()
     before, after = summarise(run), summarise(Run(run.name, run.scenario, log, run.rate_limit, 0.0))
     changes = {k: after[k] - before[k] for k in after if k.endswith(("violations", "failures"))}
     assert changes == {
         "solve_failures": 1,
-        "tube_violations": 1,
+        "tube_violations": 2,
         "successor_violations": 1,
         "input_violations": 1,
         "rate_violations": 2,

@@ -3,6 +3,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
+from mirte_drake.assembly import MakeDiagram
 from mirte_drake.control.reference_paths import CirclePath, RectanglePath, VelocityLegsPath
 from mirte_drake.errors import UserError
 from mirte_drake.scenario import (
@@ -116,13 +117,15 @@ def test_duration_and_steps():
         ("tube_updater.disturbance_frame=body", ["disturbance_frame", "published, rotated"]),
         ("ancillary_dlqr=null", ["tube_updater", "needs ancillary_dlqr"]),
         ("period=0", ["period", "> 0"]),
-        ("duration=-1", ["duration", "> 0"]),
+        ("duration=-1", ["duration", ">= 0.1"]),
         ("seed=-1", ["seed", ">= 0"]),
         ("robot.initial_pose=[1]", ["robot.initial_pose", "shape (3,)"]),
         ("reference=!Spiral {}", ["reference", "Spiral"]),
         ("reference=!VelocitySetpointConfig {}", ["duration", "must be given"]),
         ("reference.rest=9", ["reference.rest", "shorter"]),
         ("disturbance=!RecordedDisturbance {file: no.csv}", ["disturbance.file", "no.csv"]),
+        ("nominal_nmpc=null", ["nominal_nmpc"]),
+        ("extends=circle", ["extends", "run that one"]),
         ("nonsense", ["path.to.field=value"]),
         ("a b=1", ["path.to.field=value"]),
         ("seed=[", ["not valid YAML"]),
@@ -173,3 +176,48 @@ def test_a_circle_of_extends_is_found(tmp_path):
 def test_a_missing_file_is_named():
     with pytest.raises(UserError, match=r"nowhere\.yaml: cannot be read"):
         load_scenario("nowhere.yaml")
+
+
+@pytest.mark.parametrize("turn", [1, -1])
+def test_overrides_that_need_each_other_may_come_in_any_order(turn):
+    for overrides in (
+        ["ancillary_dlqr=null", "tube_updater=null"],
+        ["reference=!VelocitySetpointConfig {setpoint: [0.1, 0, 0]}", "duration=3"],
+    ):
+        load_scenario("rectangle", overrides[::turn])
+
+
+def test_the_override_that_brought_the_error_is_named():
+    with pytest.raises(UserError, match=r"--set period=0: period: must be > 0"):
+        load_scenario("rectangle", ["seed=3", "period=0", "input_limit=90"])
+
+
+def test_paths_in_a_file_are_meant_from_its_folder(tmp_path, monkeypatch):
+    folder = tmp_path / "deep"
+    folder.mkdir()
+    (folder / "base.yaml").write_text("seed: 9\n")
+    (folder / "noise.csv").write_text("0.01,0,0\n")
+    (folder / "mine.yaml").write_text(
+        "extends: base.yaml\ndisturbance: !RecordedDisturbance {file: noise.csv}\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    scenario = load_scenario("deep/mine.yaml")
+    assert scenario.seed == 9
+    assert scenario.disturbance.file == (folder / "noise.csv").resolve()
+
+
+def test_models_that_do_not_fit_the_wheels_or_cannot_be_driven(tmp_path):
+    text = (
+        "name: bad\nstates: {{x: m, y: m, theta: rad}}\ninputs: {{{inputs}}}\n"
+        "derivatives: {{x: {{u1: 0.01}}, y: {{u2: 0.01}}, theta: {{{yaw}}}}}\n"
+    )
+    three = tmp_path / "three.yaml"
+    three.write_text(text.format(inputs="u1: pwm, u2: pwm, u3: pwm", yaw="u3: 0.01"))
+    lame = tmp_path / "lame.yaml"
+    lame.write_text(text.format(inputs="u1: pwm, u2: pwm, u3: pwm, u4: pwm", yaw=""))
+    for field in ("prediction_model", "robot.model"):
+        with pytest.raises(UserError, match=r"must have 4 inputs.* got 3"):
+            load_scenario("rectangle", [f"{field}={three}"])
+    scenario = load_scenario("rectangle", [f"prediction_model={lame}"])
+    with pytest.raises(UserError, match=r"ancillary_dlqr: .*cannot be stabilised"):
+        MakeDiagram(scenario)

@@ -105,7 +105,7 @@ def test_snopt_and_ipopt_agree_on_logged_problems():
         for problem, data, guess in logged_problems(name, count):
             for solver in ("snopt", "ipopt"):
                 if solver not in programs:
-                    programs[solver] = NmpcProgram(problem, solver=solver, tolerance=1e-7)
+                    programs[solver] = NmpcProgram(problem, solver=solver)
             snopt, ipopt = (programs[s].solve(data, guess) for s in ("snopt", "ipopt"))
             assert snopt.success, snopt.message
             assert ipopt.success, ipopt.message

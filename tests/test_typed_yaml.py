@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from mirte_drake.errors import UserError
-from mirte_drake.typed_yaml import load_typed, parse_typed, read_text, replacing, write_typed
+from mirte_drake.files import read_text, replacing
+from mirte_drake.typed_yaml import load_typed, parse_typed, write_typed
 
 
 @dc.dataclass

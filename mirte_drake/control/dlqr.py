@@ -35,10 +35,14 @@ def solve_dlqr(
         R: (m, m) input weight, positive definite.
 
     Raises:
-        ValueError: when a matrix is not finite, or (A, B) cannot be stabilised.
+        ValueError: when a matrix is not finite, a weight is not symmetric and positive definite,
+            or (A, B) cannot be stabilised.
     """
     if not all(np.all(np.isfinite(matrix)) for matrix in (A, B, Q, R)):
         raise ValueError("DLQR: a matrix is not finite")
+    for name, weight in (("Q", Q), ("R", R)):
+        if np.any(weight != weight.T) or np.linalg.eigvalsh(weight)[0] <= 0:
+            raise ValueError(f"DLQR: {name} must be symmetric and positive definite")
     check_stabilisable(A, B)
     P = DiscreteAlgebraicRiccatiEquation(A, B, Q, R)
     K = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
@@ -80,7 +84,7 @@ def design_dlqr(
 
 
 def steady_input(model: SparseModel, velocity: np.ndarray) -> np.ndarray:
-    """Returns the smallest input (m,) that drives at a velocity (3,) at yaw 0.
+    """Returns an input (m,) that drives at a velocity (3,) at yaw 0.
 
     Newton's method with the pseudo-inverse; velocity [m/s, m/s, rad/s].
 
@@ -102,7 +106,10 @@ def steady_input(model: SparseModel, velocity: np.ndarray) -> np.ndarray:
 def straight_line_terminal_weight(
     model: SparseModel, period: float, Q: np.ndarray, R: np.ndarray, speed: float = 0.1
 ) -> np.ndarray:
-    """Returns the Riccati matrix P (n, n) of steady forward driving at yaw 0 (section 4-2)."""
+    """Returns the Riccati matrix P (n, n) of steady forward driving at yaw 0 (section 4-2).
+
+    Near the published P, which it does not reproduce: where that was linearised is not known.
+    """
     u = steady_input(model, np.array([speed, 0.0, 0.0]))
     _, A, B = model.linearise(np.zeros(model.num_states), u)
     return solve_dlqr(*discretise_euler(A, B, period), Q, R)[1]

@@ -74,6 +74,7 @@ class NmpcProgram:
         self._data: TrackingData | None = None
         self._scaling = np.eye(problem.size)
         self._evaluations = 0
+        self._interrupted = False
         self._rate_matrix = rate_matrix(problem)
         self._program = MathematicalProgram()
         y = self._program.NewContinuousVariables(problem.size, "y")
@@ -94,6 +95,7 @@ class NmpcProgram:
             guess: (size,) Decision vector to begin from; moved into the bounds.
         """
         start = time.perf_counter()
+        self._interrupted = False
         self._evaluations, self._deadline = 0, start + self._time_limit
         lower, upper = bounds(data)
         message, z, value = "measurement or problem data not finite", guess, np.nan
@@ -101,6 +103,8 @@ class NmpcProgram:
             try:
                 result = self._solve(data, np.clip(guess, lower, upper), lower, upper)
             except (ValueError, RuntimeError) as error:  # LinAlgError is a ValueError.
+                if self._interrupted:  # SNOPT makes a failed solve of Ctrl-C.
+                    raise KeyboardInterrupt from None
                 message = f"solver broke off: {error}"
             else:
                 z, value = self._scaling @ result.get_x_val(), result.get_optimal_cost()
@@ -108,7 +112,7 @@ class NmpcProgram:
                 if not np.all(np.isfinite(z)):
                     message = message or "solution not finite"
         solve_time = time.perf_counter() - start
-        if not message and solve_time > self._time_limit:
+        if solve_time > self._time_limit:
             message = self._time_limit_message
         # Solvers meet bounds within their tolerance; the tube and the input set ask for exactly.
         x0, inputs = split(self._problem, np.clip(z, lower, upper))
@@ -136,6 +140,13 @@ class NmpcProgram:
         return self._solver.Solve(self._program, factor.T @ guess, self._options)
 
     def _evaluate(self, y: np.ndarray) -> object:
+        try:
+            return self._cost(y)
+        except KeyboardInterrupt:
+            self._interrupted = True
+            raise
+
+    def _cost(self, y: np.ndarray) -> object:
         self._evaluations += 1
         if time.perf_counter() > self._deadline:  # SNOPT looks at its own limit too rarely.
             raise RuntimeError(self._time_limit_message)

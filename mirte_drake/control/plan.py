@@ -81,7 +81,8 @@ def next_plan(
     After a failed solve the previous plan is moved on by one sample, at most ``MAX_SHIFTS``
     times in a row. From then on the wheels ramp to zero within the rate limit, from the last
     applied input, and the nominal state follows the measurement, so that the ancillary law adds
-    nothing. The first solve that succeeds ends the fallback.
+    nothing. The first solve that succeeds ends the fallback. The tube goes on growing as if the
+    ancillary law acted; it centres the box anew at the next solve.
 
     Args:
         problem: The problem.
@@ -100,7 +101,9 @@ def next_plan(
         status = SolveStatus.STOPPING
         measured = np.all(np.isfinite(data.state))
         x0 = data.state if measured else previous.nominal_next
-        inputs = _ramp_to_zero(problem, applied_input)
+        # Once begun, the ramp goes on from itself: what is applied may be rounded up again.
+        begun = previous.status is SolveStatus.STOPPING and previous.sample >= 0
+        inputs = _ramp_to_zero(problem, previous.nominal_input if begun else applied_input)
     return Plan(
         previous.sample + 1,
         status,

@@ -91,7 +91,7 @@ def _rectangle_legs() -> list[VelocityLeg]:
     legs = []
     for velocity in ([0.3, 0.0, 0.0], [0.0, 0.2, 0.0], [-0.3, 0.0, 0.0], [0.0, -0.2, 0.0]):
         legs += [VelocityLeg(5.0, np.array(velocity)), VelocityLeg(0.3, np.zeros(3))]
-    return legs
+    return legs[:-1]
 
 
 @dc.dataclass

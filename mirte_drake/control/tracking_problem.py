@@ -60,6 +60,25 @@ class TrackingData:
         return all(np.all(np.isfinite(getattr(self, f.name))) for f in dc.fields(self))
 
 
+def reachable_bounds(
+    problem: TrackingProblem, lower: np.ndarray, upper: np.ndarray, previous_input: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns input bounds (N, m), widened where the rate limit keeps the input outside them.
+
+    Deviation: the source lets the tightened bounds move faster than the rate limit, and then no
+    input is feasible. Here the rate limit wins: a stage's bound reaches as far as full moves from
+    the last input towards it lead.
+
+    Args:
+        problem: The problem.
+        lower: (N, m) [pwm]
+        upper: (N, m) [pwm]
+        previous_input: (m,) [pwm]
+    """
+    reach = problem.rate_limit * np.arange(1, problem.horizon + 1)[:, None]
+    return np.minimum(lower, previous_input + reach), np.maximum(upper, previous_input - reach)
+
+
 def split(problem: TrackingProblem, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Returns the initial state (n,) and the inputs (N, m) of a decision vector."""
     n = problem.model.num_states

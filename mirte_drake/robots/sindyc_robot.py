@@ -12,7 +12,7 @@ from mirte_drake.errors import UserError
 from mirte_drake.model.model_file import load_model
 from mirte_drake.model.sparse_model import SparseModel
 from mirte_drake.robots.robot_ports import RobotPorts
-from mirte_drake.vectors import POSE, POSE_SIZE, YAW
+from mirte_drake.vectors import POSE, POSE_SIZE, WHEELS, YAW
 
 
 @dc.dataclass
@@ -26,9 +26,11 @@ class SindycRobotConfig:
     def validate(self) -> None:
         """Raises ValueError when a value is out of range."""
         try:
-            load_model(self.model)
+            inputs = load_model(self.model).num_inputs
         except UserError as error:
             raise UserError(f"model: {error}") from None
+        if inputs != len(WHEELS):
+            raise UserError(f"model: {self.model!r} must have {len(WHEELS)} inputs, got {inputs}")
         if self.initial_pose is not None:
             check_array("initial_pose", self.initial_pose, (3,))
 

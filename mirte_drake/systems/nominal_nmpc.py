@@ -17,7 +17,11 @@ from mirte_drake.checks import check_array, check_choice, check_number
 from mirte_drake.control.dlqr import straight_line_terminal_weight
 from mirte_drake.control.nmpc_program import SOLVERS, NmpcProgram
 from mirte_drake.control.plan import Plan, idle_plan, next_plan, warm_start
-from mirte_drake.control.tracking_problem import TrackingData, TrackingProblem
+from mirte_drake.control.tracking_problem import (
+    TrackingData,
+    TrackingProblem,
+    reachable_bounds,
+)
 from mirte_drake.model.sparse_model import SparseModel
 
 # Published programs of the study; thesis table 4-1 calls it the DLQR solution P.
@@ -58,7 +62,7 @@ class NominalNmpcConfig:
     reference_alignment: str = "published"
     solver: str = "snopt"  # or "ipopt".
     tolerance: float = 1e-6  # Optimality tolerance of the solver.
-    time_limit: float = 5.0  # [s] A solve that takes longer counts as failed.
+    time_limit: float = 5.0  # [s] A solve that takes longer counts as failed and is broken off.
 
     def validate(self) -> None:
         """Raises ValueError when a value is out of range."""
@@ -220,13 +224,19 @@ class NominalNmpc(LeafSystem):
     def _tracking_data(self, context: Context, previous: Plan) -> TrackingData:
         n, m = self._problem.model.num_states, self._problem.model.num_inputs
         limit = np.full(self._problem.horizon * m, self._input_limit)
+        lower, upper = (
+            _eval_or(port, context, default).reshape(-1, m)
+            for port, default in ((self._lower_input, -limit), (self._upper_input, limit))
+        )
+        previous_input = previous.nominal_input
+        lower, upper = reachable_bounds(self._problem, lower, upper, previous_input)
         return TrackingData(
             state=self._state_input.Eval(context),
             reference=self._reference_input.Eval(context).reshape(-1, 3),
             half_width=_eval_or(self._half_width_input, context, np.zeros(n)),
-            input_lower=_eval_or(self._lower_input, context, -limit).reshape(-1, m),
-            input_upper=_eval_or(self._upper_input, context, limit).reshape(-1, m),
-            previous_input=previous.nominal_input,
+            input_lower=lower,
+            input_upper=upper,
+            previous_input=previous_input,
         )
 
     def _update_plan(self, context: Context, next_state: State) -> None:

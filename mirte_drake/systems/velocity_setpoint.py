@@ -52,7 +52,8 @@ class VelocitySetpointSource(LeafSystem):
     velocity_setpoint (in)  vector (3,)         [m/s, m/s, rad/s]   body velocity wanted; if
                                                                     open, the config's; if not
                                                                     finite, zero
-    reference               vector (3,)         [m, m, rad]         r_k; a state
+    reference               vector (3,)         [m, m, rad]         a state: r_k before the
+                                                                    update at t_k, then r_{k+1}
     reference_window        vector (3 (N+1),)   [m, m, rad]         r_k, ..., r_{k+N}, the
                                                                     setpoint held over the
                                                                     horizon

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from pydrake.systems.framework import Diagram, InputPortIndex, OutputPortIndex, System
 
-from mirte_drake.typed_yaml import replacing
+from mirte_drake.files import replacing
 
 FORMATS = ("svg", "png", "dot")
 

@@ -5,42 +5,25 @@ Each is readable in black and white: lines differ in style, not in colour alone.
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from mirte_drake.angles import pose_error
-from mirte_drake.typed_yaml import replacing
 from mirte_drake.vectors import WHEELS
-
-FORMATS = ("pdf", "svg", "png")
-
-_STYLE: dict[Any, Any] = {
-    "font.family": "serif",
-    "font.size": 9,
-    "mathtext.fontset": "stix",
-    "axes.grid": True,
-    "grid.color": "0.88",
-    "grid.linewidth": 0.5,
-    "axes.axisbelow": True,
-    "legend.frameon": False,
-    "pdf.fonttype": 42,
-    "svg.hashsalt": "mirte_drake",  # The same figure gives the same file.
-}
-_ACTUAL: dict[str, Any] = {"color": "#b2182b", "lw": 1.3, "ls": "-"}
-_NOMINAL: dict[str, Any] = {"color": "#2166ac", "lw": 1.1, "ls": "-."}
-_REFERENCE: dict[str, Any] = {"color": "black", "lw": 1.0, "ls": (0, (5, 3))}
+from mirte_drake.visualization.style import ACTUAL, FORMATS, NOMINAL, REFERENCE, write_figures
 
 Log = Mapping[str, np.ndarray]
+
+FIGURES = ("path", "errors", "wheel_commands")
+FIGURE_FILES = tuple(f"{name}.{suffix}" for name in FIGURES for suffix in FORMATS)
 
 
 def path_figure(log: Log) -> Figure:
     """Draws reference, nominal and actual path, and the tube box of every sample."""
-    figure = Figure(figsize=(5.2, 4.4), layout="constrained")
+    figure = Figure(figsize=(5.2, 4.4), layout="compressed")
     axes = figure.subplots()
     center, half = log["nominal_pose"][:, :2], log["half_width"][:, :2]
     if np.any(half > 0):
@@ -55,9 +38,9 @@ def path_figure(log: Log) -> Figure:
         axes.add_patch(
             Rectangle((np.nan, np.nan), 0, 0, fc="0.86", ec="0.45", lw=0.5, label="tube")
         )
-    axes.plot(*log["reference"][:, :2].T, label="reference", zorder=3, **_REFERENCE)
-    axes.plot(*center.T, label="nominal", zorder=4, **_NOMINAL)
-    axes.plot(*log["pose"][:, :2].T, label="actual", zorder=5, **_ACTUAL)
+    axes.plot(*log["reference"][:, :2].T, label="reference", zorder=3, **REFERENCE)
+    axes.plot(*center.T, label="nominal", zorder=4, **NOMINAL)
+    axes.plot(*log["pose"][:, :2].T, label="actual", zorder=5, **ACTUAL)
     axes.plot(*log["pose"][0, :2], "o", color="black", ms=4, zorder=6, label="start")
     axes.set(xlabel="$x$ [m]", ylabel="$y$ [m]", aspect="equal")
     figure.legend(loc="outside upper center", ncols=5)
@@ -73,8 +56,8 @@ def error_figure(log: Log) -> Figure:
     panels = figure.subplots(3, 1, sharex=True)
     for axes, (symbol, unit, values, value) in zip(panels, rows, strict=True):
         axes.axhline(0.0, color="black", lw=0.6)
-        axes.plot(log["time"], values, **_ACTUAL)
-        axes.set(ylabel=f"${symbol}-{symbol}_{{ref}}$ [{unit}]")
+        axes.plot(log["time"], values, **ACTUAL)
+        axes.set(ylabel=rf"${symbol}-{symbol}_{{\mathrm{{ref}}}}$ [{unit}]")
         axes.set_title(f"RMSE {value:.4f} {unit}", loc="right", fontsize=9)
     panels[-1].set_xlabel("time [s]")
     panels[-1].set_xlim(log["time"][0], log["time"][-1])
@@ -95,8 +78,8 @@ def input_figure(log: Log, input_limit: float) -> Figure:
         for limit, label in ((-input_limit, "input set"), (input_limit, None)):
             axes.axhline(limit, color="black", lw=0.8, ls=":", label=label)
         nominal, applied = log["nominal_input"][:, wheel], log["applied_input"][:, wheel]
-        axes.step(time, applied, where="post", label="applied", **_ACTUAL)
-        axes.step(time, nominal, where="post", label="nominal", **_NOMINAL)
+        axes.step(time, applied, where="post", label="applied", **ACTUAL)
+        axes.step(time, nominal, where="post", label="nominal", **NOMINAL)
         axes.set_ylim(-1.12 * input_limit, 1.12 * input_limit)
         axes.set_ylabel(f"$u_{wheel + 1}$ [%]")
         axes.set_title(WHEELS[wheel].replace("_", " "), loc="right", fontsize=9)
@@ -121,19 +104,9 @@ def save_figures(log: Log, folder: Path, *, input_limit: float) -> list[Path]:
     Raises:
         UserError: when the folder cannot be written.
     """
-    figures: dict[str, Callable[[], Figure]] = {
-        "path": lambda: path_figure(log),
-        "errors": lambda: error_figure(log),
-        "wheel_commands": lambda: input_figure(log, input_limit),
-    }
-    paths = []
-    with matplotlib.rc_context(_STYLE):
-        for name, draw in figures.items():
-            figure = draw()
-            for suffix in FORMATS:
-                path = folder / f"{name}.{suffix}"
-                metadata = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(suffix)
-                with replacing(path) as temporary:
-                    figure.savefig(temporary, dpi=200, metadata=metadata)
-                paths.append(path)
-    return paths
+    draw: tuple[Callable[[], Figure], ...] = (
+        lambda: path_figure(log),
+        lambda: error_figure(log),
+        lambda: input_figure(log, input_limit),
+    )
+    return write_figures(dict(zip(FIGURES, draw, strict=True)), folder)

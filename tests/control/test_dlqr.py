@@ -148,3 +148,10 @@ def test_straight_line_terminal_weight_is_the_riccati_matrix_of_its_linearisatio
 def test_terminal_weight_is_near_the_published_one(model, problem):
     P = straight_line_terminal_weight(model, 0.1, Q, R)
     np.testing.assert_allclose(np.diag(P), np.diag(problem.terminal_weight), rtol=0.25)
+
+
+@pytest.mark.parametrize("bad", [np.zeros((3, 3)), -np.eye(3), np.triu(np.ones((3, 3)))])
+def test_weight_that_is_not_positive_definite(bad, model):
+    _, A, B = model.linearise(np.zeros(3), np.zeros(4))
+    with pytest.raises(ValueError, match="Q must be symmetric and positive definite"):
+        solve_dlqr(np.eye(3) + 0.1 * A, 0.1 * B, bad, R)

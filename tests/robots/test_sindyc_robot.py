@@ -18,7 +18,7 @@ from mirte_drake.robots.sindyc_robot import (
 
 QUARTER_TURN = np.array([1.0, 2.0, np.pi / 2])
 TENS = np.full(4, 10.0)
-# Sums of the coefficients of the kinematic model (FACTS.md section 3): by sin(theta) in x and y,
+# Sums of the coefficients of the kinematic model: by sin(theta) in x and y,
 # and in the yaw rate, times 10 pwm.
 X_SIN = 10 * (0.00033047 - 0.00087532 + 0.0010968 - 0.00061986)
 Y_SIN = 10 * (0.0015423 + 0.0018272 + 0.0021491 + 0.0018469)

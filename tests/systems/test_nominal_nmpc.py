@@ -263,6 +263,18 @@ def test_solve_status_port_follows_the_plan():
     assert seen == [2, 0, 1, 1, 1, 2, 2, 0]
 
 
+@pytest.mark.parametrize("bound", [50.0, 1e10, 1e200])
+def test_bounds_out_of_reach_are_met_by_full_moves(bound):
+    """From rest, 30 PWM per sample: a lower bound of 50 can hold from the second stage on."""
+    simulator = simulate(make_dut())
+    fix(simulator, input_lower=np.full(40, bound), input_upper=np.full(40, bound))
+    (plan,) = plans(simulator, 1)
+    assert plan.status is SOLVED
+    reach = 30.0 * np.arange(1, 11)
+    expected = np.minimum(bound, reach)[:, None] * np.ones(4)
+    np.testing.assert_allclose(plan.inputs, expected, atol=1e-4)
+
+
 @pytest.mark.filterwarnings("ignore:overflow encountered", "ignore:invalid value encountered")
 @pytest.mark.parametrize(
     "ports",
@@ -275,9 +287,6 @@ def test_solve_status_port_follows_the_plan():
         {"half_width": -np.ones(3)},
         {"half_width": np.full(3, np.inf)},
         {"input_lower": np.full(40, 10.0), "input_upper": np.full(40, -10.0)},
-        {"input_lower": np.full(40, 50.0)},  # Out of reach within the rate limit.
-        {"input_lower": np.full(40, 1e10), "input_upper": np.full(40, 1e10)},
-        {"input_lower": np.full(40, 1e200), "input_upper": np.full(40, 1e200)},
         {"applied_input": np.full(4, np.nan), "state": np.full(3, np.nan)},
     ],
 )

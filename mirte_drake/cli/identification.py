@@ -1,0 +1,216 @@
+"""Commands that go from a recording to a model and a disturbance set."""
+
+from __future__ import annotations
+
+from datetime import date
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from mirte_drake.cli.options import commands, output_option
+from mirte_drake.errors import UserError
+
+if TYPE_CHECKING:
+    from mirte_drake.identification.recorded_run import RecordedRun
+
+KINDS = ("kinematic", "extended_kinematic", "dynamic", "extended_dynamic")
+
+data_option = click.option(
+    "--data",
+    type=click.Path(path_type=Path),
+    help="Recording: CSV file or ROS 2 bag. Without it, a synthetic recording.",
+)
+
+
+@commands.command()
+@data_option
+@click.option("--model", "kind", type=click.Choice(KINDS), default="extended_kinematic")
+@click.option(
+    "--mode",
+    type=click.Choice(("converged", "published")),
+    default="converged",
+    show_default=True,
+    help="Differentiation: to the minimum, or as far as the published programs went.",
+)
+@click.option(
+    "--thresholds",
+    metavar="X,Y,THETA",
+    help="Smallest coefficients that are kept; else the published ones.",
+)
+@click.option("--search", is_flag=True, help="Searches the thresholds and prints the error table.")
+@click.option("--latex", is_flag=True, help="Prints the equations as LaTeX.")
+@click.option("--figures", type=click.Path(file_okay=False, path_type=Path), help="Folder.")
+@click.option(
+    "--output",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Model file to write  [default: runs/MODEL.yaml]",
+)
+def identify(
+    data: Path | None,
+    kind: str,
+    mode: str,
+    thresholds: str | None,
+    search: bool,
+    latex: bool,
+    figures: Path | None,
+    output: Path | None,
+) -> None:
+    """Identifies a model from a recording (SINDYc), prints its equations and writes it as YAML."""
+    from mirte_drake.identification.fit_sindyc import identify as fit
+    from mirte_drake.identification.fit_sindyc import search_thresholds
+    from mirte_drake.identification.reports import threshold_text
+    from mirte_drake.model.equations import equations_latex, equations_text
+    from mirte_drake.model.model_file import save_model_file
+
+    output = output or Path("runs") / f"{kind}.yaml"
+    run = _load(data)
+    chosen = _parse_thresholds(thresholds, kind) if thresholds else None
+    if search:
+        chosen, tables = search_thresholds(run, kind, mode)
+        click.echo(threshold_text(chosen, tables))
+    model = fit(run, kind, mode, thresholds=chosen, date=date.today().isoformat())
+    save_model_file(model, output)
+    if figures:
+        _save_training_figures(run, mode, figures)
+    click.echo(equations_latex(model) if latex else equations_text(model))
+    for name, score in model.training_scores.items():
+        click.echo(f"{name.replace('_', ' ')}: {score:.4f}")
+    click.echo(f"Written to {output}")
+
+
+@commands.command()
+@data_option
+@click.option(
+    "--model",
+    "models",
+    multiple=True,
+    metavar="NAME_OR_YAML",
+    help="Model to validate; may be given many times.  [default: the three published ones]",
+)
+@click.option(
+    "--integrator",
+    type=click.Choice(("zoh", "ode45")),
+    default="zoh",
+    show_default=True,
+    help="Exact integration of the held inputs, or what MATLAB's ode45 makes of them.",
+)
+@click.option("--no-plots", is_flag=True, help="Leaves the figures out.")
+@output_option
+def validate(
+    data: Path | None,
+    models: tuple[str, ...],
+    integrator: str,
+    no_plots: bool,
+    output: Path | None,
+) -> None:
+    """Simulates models open loop over a recording and compares pose and body velocity.
+
+    Writes summary.json and figures.
+    """
+    from mirte_drake.files import replacing_results, write_json
+    from mirte_drake.identification.reports import validation_text
+    from mirte_drake.identification.validation import validate_model
+    from mirte_drake.model.model_file import load_model
+    from mirte_drake.visualization.identification_figures import save_validation_figures
+
+    names = models or ("kinematic", "extended_kinematic", "dynamic")
+    run = _load(data, needs_excitation=False)
+    folder = output or Path("runs") / "validation" / (data.stem if data else "synthetic")
+    results = {
+        Path(n).stem: validate_model(load_model(n), run, integrator=integrator) for n in names
+    }
+    rmse = {
+        name: {"pose_rmse": r.pose_rmse.tolist(), "velocity_rmse": r.velocity_rmse.tolist()}
+        for name, r in results.items()
+    }
+    with replacing_results(folder, ("summary.json", "validation_*")) as files:
+        write_json(rmse, files / "summary.json")
+        if not no_plots:
+            save_validation_figures(
+                files,
+                time=run.time,
+                pose=run.pose,
+                body_velocity=run.body_velocity,
+                predicted_poses={name: r.pose for name, r in results.items()},
+                predicted_velocities={name: r.body_velocity for name, r in results.items()},
+            )
+    click.echo(validation_text(results))
+    click.echo(f"Written to {folder}")
+
+
+@commands.command()
+@data_option
+@click.option("--model", default="extended_kinematic", metavar="NAME_OR_YAML", show_default=True)
+@click.option(
+    "--level",
+    type=click.FloatRange(0, 1, min_open=True, max_open=True),
+    default=0.95,
+    show_default=True,
+    help="Coverage that quantile and conformal bounds aim at.",
+)
+@output_option
+def disturbance(data: Path | None, model: str, level: float, output: Path | None) -> None:
+    """Estimates the disturbance set of a model from a recording.
+
+    Prints the published estimate and bounds with their coverage; writes summary.json.
+    """
+    from mirte_drake.files import write_json
+    from mirte_drake.identification.disturbance_bound import (
+        disturbance_summary,
+        disturbance_text,
+        estimate_disturbance,
+    )
+    from mirte_drake.model.model_file import load_model
+
+    run = _load(data, needs_excitation=False)
+    folder = output or Path("runs") / "disturbance" / (data.stem if data else "synthetic")
+    estimate = estimate_disturbance(load_model(model), run, level=level)
+    write_json(disturbance_summary(estimate), folder / "summary.json")
+    click.echo(disturbance_text(estimate))
+    click.echo(f"Written to {folder}")
+
+
+def _parse_thresholds(text: str, kind: str) -> dict[str, float]:
+    """Returns the thresholds by the names of the states that a kind of model identifies."""
+    from mirte_drake.identification.model_structure import model_structure
+
+    states = model_structure(kind).candidates
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != len(states) or not all(value >= 0 for value in values):
+        raise UserError(
+            f"--thresholds {text}: must be three numbers >= 0, for example 1e-4,1e-4,1e-5"
+        )
+    return dict(zip(states, values, strict=True))
+
+
+def _save_training_figures(run: RecordedRun, mode: str, folder: Path) -> None:
+    from mirte_drake.identification.differentiation import tvr_derivative
+    from mirte_drake.visualization.identification_figures import save_training_figures
+
+    save_training_figures(
+        folder,
+        time=run.time,
+        pose=run.pose,
+        body_velocity=run.body_velocity,
+        wheel_command=run.wheel_command,
+        estimated_derivative=tvr_derivative(run.pose, run.period, mode),
+    )
+
+
+def _load(data: Path | None, *, needs_excitation: bool = True) -> RecordedRun:
+    """Reads the recording, or makes a synthetic one, and says what was found in it."""
+    from mirte_drake.identification.recorded_run import check_excitation, load_recorded_run
+    from mirte_drake.identification.synthetic_recording import synthetic_recording
+
+    run = load_recorded_run(data) if data else synthetic_recording()
+    if needs_excitation:
+        check_excitation(run)
+    span = run.time[-1] - run.time[0]
+    click.echo(f"{run.source}: {len(run.time)} samples, {span:.1f} s", err=True)
+    for repair in run.repairs:
+        click.echo(f"  {repair}", err=True)
+    return run

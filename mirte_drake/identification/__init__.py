@@ -1,0 +1,1 @@
+"""Offline: from a recording to a model and a disturbance set."""

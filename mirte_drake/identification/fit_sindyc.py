@@ -1,0 +1,161 @@
+"""SINDYc: from a recording to a sparse model (chapter 3)."""
+
+import dataclasses as dc
+
+import numpy as np
+
+from mirte_drake.errors import UserError
+from mirte_drake.identification.differentiation import TvrConfig, tvr_derivative
+from mirte_drake.identification.model_structure import (
+    BODY_VELOCITIES,
+    INPUTS,
+    ModelStructure,
+    model_structure,
+)
+from mirte_drake.identification.recorded_run import RecordedRun
+from mirte_drake.identification.sparse_regression import (
+    StlsqConfig,
+    ThresholdRow,
+    best_threshold,
+    stlsq,
+    threshold_table,
+)
+from mirte_drake.model.candidate_library import HEADING, CandidateLibrary, parse_term
+from mirte_drake.model.model_file import Identification, ModelFile
+from mirte_drake.vectors import YAW
+
+# What a search over thresholds tries, beside the structure's own.
+THRESHOLD_GRID = np.geomspace(1e-6, 1e-3, 13)
+
+
+@dc.dataclass(frozen=True)
+class Regression:
+    """The regression problems of one model on one recording, a state derivative each."""
+
+    structure: ModelStructure
+    terms: dict[str, np.ndarray]  # (N, L) candidate terms.
+    derivatives: dict[str, np.ndarray]  # (N,) left-hand side.
+
+
+def regression_problem(
+    run: RecordedRun, kind: str, mode: str = "converged", tvr: TvrConfig | None = None
+) -> Regression:
+    """Returns candidate terms and derivatives of a recording.
+
+    Args:
+        run: The recording.
+        kind: Kind of model, see ``model_structure``.
+        mode: Of the differentiation, see ``tvr_derivative``.
+        tvr: Settings of the differentiation.
+
+    Raises:
+        ValueError: for an unknown kind or mode.
+    """
+    structure = model_structure(kind)
+    variables = (HEADING, *BODY_VELOCITIES, *INPUTS)
+    values = np.column_stack([run.pose[:, YAW], run.body_velocity, run.wheel_command])
+    derivative = run.pose
+    for _ in range(structure.order):
+        derivative = tvr_derivative(derivative, run.period, mode, tvr)
+    terms = {
+        state: CandidateLibrary(variables, [parse_term(t, variables) for t in names]).evaluate(
+            values
+        )
+        for state, names in structure.candidates.items()
+    }
+    columns = dict(zip(structure.candidates, derivative.T, strict=True))
+    return Regression(structure, terms, columns)
+
+
+def identify(
+    run: RecordedRun,
+    kind: str,
+    mode: str = "converged",
+    *,
+    thresholds: dict[str, float] | None = None,
+    tvr: TvrConfig | None = None,
+    regression: StlsqConfig | None = None,
+    date: str = "",
+) -> ModelFile:
+    """Returns the model of a recording.
+
+    Args:
+        run: The recording.
+        kind: Kind of model.
+        mode: "converged" or "published".
+        thresholds: lambda per identified state derivative; else the published ones.
+        tvr: Settings of the differentiation.
+        regression: Settings of STLSQ.
+        date: ISO date for the file.
+
+    Raises:
+        UserError: when a candidate term does not occur in the recording, or no term is left.
+        ValueError: for an unknown kind or mode.
+    """
+    problem = regression_problem(run, kind, mode, tvr)
+    structure = problem.structure
+    thresholds = thresholds or structure.thresholds
+    derivatives, scores = dict(structure.known), {}
+    for state, names in structure.candidates.items():
+        Theta, y = problem.terms[state], problem.derivatives[state]
+        try:
+            xi = stlsq(Theta, y, thresholds[state], regression)
+        except ValueError as error:
+            raise UserError(f"{run.source}: {state}: {error}; record more motion") from None
+        table = {name: float(c) for name, c in zip(names, xi, strict=True) if c != 0.0}
+        if not table:
+            raise UserError(
+                f"{run.source}: {state}: the threshold {thresholds[state]:g} leaves no term; "
+                "lower it"
+            )
+        derivatives[state] = table
+        scores[f"{state}_derivative_rmse"] = float(np.sqrt(np.mean((y - Theta @ xi) ** 2)))
+    return ModelFile(
+        name=kind,
+        states=structure.states,
+        inputs=dict.fromkeys(INPUTS, "pwm_percent"),
+        auxiliaries=structure.auxiliaries,
+        derivatives=derivatives,
+        identification=Identification(
+            source=f"identified from {run.source}, {len(run.time)} samples",
+            data_sha256=run.sha256,
+            date=date,
+            settings={
+                "differentiation": f"total variation regularised, {mode}, "
+                + _settings(tvr or TvrConfig()),
+                "regression": "STLSQ, " + _settings(regression or StlsqConfig()),
+                "thresholds": ", ".join(f"{s} {thresholds[s]:g}" for s in structure.candidates),
+            },
+        ),
+        training_scores=scores,
+    )
+
+
+def search_thresholds(
+    run: RecordedRun,
+    kind: str,
+    mode: str = "converged",
+    criterion: str = "held_out",
+    grid: np.ndarray = THRESHOLD_GRID,
+) -> tuple[dict[str, float], dict[str, list[ThresholdRow]]]:
+    """Returns the thresholds of least error, and the error tables (section 3-3).
+
+    Args:
+        run: The recording.
+        kind: Kind of model.
+        mode: Of the differentiation.
+        criterion: See ``best_threshold``.
+        grid: Thresholds to try.
+    """
+    problem = regression_problem(run, kind, mode)
+    tables = {
+        state: threshold_table(problem.terms[state], problem.derivatives[state], grid)
+        for state in problem.structure.candidates
+    }
+    best = {state: best_threshold(rows, criterion).threshold for state, rows in tables.items()}
+    return best, tables
+
+
+def _settings(config: object) -> str:
+    assert dc.is_dataclass(config)
+    return ", ".join(f"{f.name} {getattr(config, f.name):g}" for f in dc.fields(config))

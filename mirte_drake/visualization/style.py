@@ -1,0 +1,70 @@
+"""How the figures look, and the one function that writes them.
+
+Lines differ in style, not in colour alone, so that each figure is readable in black and white.
+"""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+from matplotlib.figure import Figure
+
+from mirte_drake.files import replacing
+
+FORMATS = ("pdf", "svg", "png")
+
+_RC_PARAMS: dict[Any, Any] = {
+    "font.family": "STIXGeneral",
+    "font.size": 9,
+    "mathtext.fontset": "stix",
+    "axes.grid": True,
+    "grid.color": "0.88",
+    "grid.linewidth": 0.5,
+    "axes.axisbelow": True,
+    "legend.frameon": False,
+    "pdf.fonttype": 42,
+    "svg.hashsalt": "mirte_drake",  # The same figure gives the same file.
+}
+
+Line = Mapping[str, Any]  # Keyword arguments of ``Axes.plot``.
+
+ACTUAL: Line = {"color": "#b2182b", "lw": 1.3, "ls": "-"}
+NOMINAL: Line = {"color": "#2166ac", "lw": 1.1, "ls": "-."}
+REFERENCE: Line = {"color": "black", "lw": 1.0, "ls": (0, (5, 3))}
+MEASURED: Line = {"color": "black", "lw": 1.2, "ls": "-"}
+BACKGROUND: Line = {"color": "0.65", "lw": 1.8, "ls": "-"}  # Under a curve that smooths it.
+FOREGROUND: Line = {"color": "black", "lw": 0.8, "ls": "-"}
+PREDICTED: tuple[Line, ...] = (  # One for each model that is compared.
+    {"color": "#d6604d", "lw": 1.2, "ls": (0, (5, 2))},
+    {"color": "#2166ac", "lw": 1.5, "ls": (0, (1, 1))},
+    {"color": "#1b7837", "lw": 1.2, "ls": (0, (6, 1.5, 1, 1.5))},
+    {"color": "#762a83", "lw": 1.2, "ls": (0, (3, 1, 1, 1, 1, 1))},
+    {"color": "#b35806", "lw": 1.2, "ls": (0, (10, 3))},
+)
+
+
+def write_figures(figures: Mapping[str, Callable[[], Figure]], folder: Path) -> list[Path]:
+    """Draws figures in the house style and writes them as PDF, SVG and PNG.
+
+    Args:
+        figures: For each file name without suffix, the function that draws the figure.
+        folder: Where to.
+
+    Returns:
+        The files written.
+
+    Raises:
+        UserError: when the folder cannot be written.
+    """
+    paths = []
+    with matplotlib.rc_context(_RC_PARAMS):
+        for name, draw in figures.items():
+            figure = draw()
+            for suffix in FORMATS:
+                path = folder / f"{name}.{suffix}"
+                metadata = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(suffix)
+                with replacing(path) as temporary:
+                    figure.savefig(temporary, dpi=200, metadata=metadata)
+                paths.append(path)
+    return paths

@@ -1,0 +1,122 @@
+import math
+import time
+
+import numpy as np
+import pytest
+
+from mirte_drake.errors import UserError
+from mirte_drake.identification.fit_sindyc import (
+    identify,
+    regression_problem,
+    search_thresholds,
+)
+from mirte_drake.identification.model_structure import KINDS, model_structure
+from mirte_drake.identification.recorded_run import RecordedRun, load_recorded_run
+from mirte_drake.model.model_file import load_model, load_model_file, save_model_file
+
+PUBLISHED = ("kinematic", "extended_kinematic", "dynamic")
+
+
+@pytest.fixture(scope="module")
+def training(recordings):
+    return load_recorded_run(recordings / "training_data.csv")
+
+
+def units_of_the_fifth_digit(found: float, printed: float) -> float:
+    return abs(found - printed) / 10 ** (math.floor(math.log10(abs(printed))) - 4)
+
+
+@pytest.mark.parametrize("kind", PUBLISHED)
+def test_published_mode_gives_the_published_coefficients(training, kind):
+    """The model files of the package and the recording belong together."""
+    found, published = identify(training, kind, "published"), load_model_file(kind)
+    assert found.states == published.states and found.auxiliaries == published.auxiliaries
+    assert found.identification.data_sha256 == published.identification.data_sha256
+    for state, table in published.derivatives.items():
+        assert set(found.derivatives[state]) == set(table)
+        for term, printed in table.items():
+            assert units_of_the_fifth_digit(found.derivatives[state][term], printed) <= 2.0
+
+
+@pytest.mark.parametrize("kind", ["kinematic", "extended_kinematic"])
+def test_pysindy_finds_the_same(training, kind):
+    """Its STLSQ without a threshold of its own, looped with ours outside: see its documentation.
+
+    Its own ``normalize_columns`` would compare the threshold with the scaled coefficients.
+    """
+    pysindy = pytest.importorskip("pysindy", reason="independent check needs pip install pysindy")
+    problem = regression_problem(training, kind, "published")
+    found = identify(training, kind, "published")
+    for state, names in problem.structure.candidates.items():
+        Theta, y = problem.terms[state], problem.derivatives[state]
+        active = np.ones(len(names), dtype=bool)
+        for _ in range(10):
+            optimizer = pysindy.STLSQ(threshold=0, alpha=1e-5, normalize_columns=True, unbias=False)
+            optimizer.fit(Theta[:, active], y[:, None])
+            xi = np.zeros(len(names))
+            xi[active] = optimizer.coef_[0]
+            active = np.abs(xi) >= problem.structure.thresholds[state]
+            if np.array_equal(active, xi != 0):
+                break
+        table = {name: value for name, value in zip(names, xi, strict=True) if value != 0}
+        assert set(table) == set(found.derivatives[state])
+        for name, value in table.items():
+            assert value == pytest.approx(found.derivatives[state][name], rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_converged_mode_gives_a_model_that_saves_and_drives(training, kind, tmp_path):
+    found = identify(training, kind, date="2025-08-25")
+    save_model_file(found, tmp_path / "model.yaml")
+    model = load_model(tmp_path / "model.yaml")
+    assert model.num_states == (6 if "dynamic" in kind else 3)
+    x = np.zeros(model.num_states)
+    for _ in range(20):  # Two seconds forward at 50 %.
+        x = model.step(x, np.full(4, 50.0), 0.1)
+    assert 0.4 < x[0] < 1.2 and abs(x[1]) < 0.3 and abs(x[2]) < 0.6
+    assert all(0 < score < 1 for score in found.training_scores.values())
+
+
+def test_converged_mode_is_quick(training):
+    start = time.process_time()
+    for kind in PUBLISHED:
+        identify(training, kind)
+    assert time.process_time() - start < 1.0
+
+
+def test_the_search_returns_tables_and_their_best(training):
+    best, tables = search_thresholds(training, "extended_kinematic")
+    assert set(best) == {"x", "y", "theta"}
+    for state, rows in tables.items():
+        terms = [row.terms for row in rows]
+        assert terms == sorted(terms, reverse=True)
+        assert best[state] in [row.threshold for row in rows]
+    assert identify(training, "extended_kinematic", thresholds=best).derivatives["theta"]
+
+
+def test_the_structures_are_those_of_the_tables():
+    kinematic = model_structure("kinematic").candidates
+    assert len(kinematic["x"]) == len(kinematic["y"]) == 8 and len(kinematic["theta"]) == 4
+    extended = model_structure("extended_kinematic").candidates
+    assert len(extended["x"]) == 4 + 10 + 8 and len(extended["theta"]) == 4 + 10
+    dynamic = model_structure("dynamic").candidates
+    assert len(dynamic["x_dot"]) == 10 and "cos(theta)*vx" in dynamic["x_dot"]
+    assert "sin(theta)*vx" in dynamic["y_dot"] and dynamic["theta_dot"][0] == "yaw_rate"
+    assert len(model_structure("extended_dynamic").candidates["x_dot"]) == 21
+    with pytest.raises(ValueError, match="extended_dynamic"):
+        model_structure("magic")
+
+
+def still_run() -> RecordedRun:
+    n = 50
+    return RecordedRun(0.1 * np.arange(n), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 4)))
+
+
+def test_a_recording_without_motion_is_a_user_error():
+    with pytest.raises(UserError, match="record more motion"):
+        identify(still_run(), "kinematic")
+
+
+def test_a_threshold_that_leaves_nothing_is_a_user_error(training):
+    with pytest.raises(UserError, match=r"leaves no term; lower it"):
+        identify(training, "kinematic", thresholds={"x": 1.0, "y": 1.0, "theta": 1.0})

@@ -1,0 +1,103 @@
+import json
+
+import numpy as np
+import pytest
+from cli_runner import run_cli
+
+from mirte_drake.model.model_file import load_model, load_model_file
+
+
+def test_identify_writes_a_model_and_prints_its_equations(recordings, tmp_path, capsys):
+    file = tmp_path / "kinematic.yaml"
+    data = recordings / "training_data.csv"
+    code, out, err = run_cli(
+        capsys, "identify", "--data", data, "--model", "kinematic", "--mode", "published",
+        "--output", file,
+    )  # fmt: skip
+    assert code == 0
+    assert "dtheta/dt = -0.0067258 u1 + 0.0069079 u2 + 0.0065961 u3 - 0.0066846 u4" in out
+    assert "30 rows equal to the row before" in err
+    assert load_model(file).num_states == 3
+    assert load_model_file(file).training_scores.keys() == {
+        f"{state}_derivative_rmse" for state in ("x", "y", "theta")
+    }
+
+
+def test_validate_ode45_prints_the_published_table(recordings, tmp_path, capsys):
+    data = recordings / "validation_turn_rect.csv"
+    code, out, _ = run_cli(
+        capsys, "validate", "--data", data, "--integrator", "ode45", "--output", tmp_path
+    )
+    assert code == 0
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert list(summary) == ["kinematic", "extended_kinematic", "dynamic"]
+    extended = summary["extended_kinematic"]
+    np.testing.assert_allclose(extended["pose_rmse"], [0.31, 0.36, 0.05], atol=0.005)
+    np.testing.assert_allclose(extended["velocity_rmse"], [0.12, 0.02, 0.17], atol=0.005)
+    assert "extended_kinematic" in out
+    assert len(list(tmp_path.glob("*.pdf"))) == 2
+
+
+def test_disturbance_says_that_the_published_value_is_no_bound(recordings, tmp_path, capsys):
+    data = recordings / "training_data.csv"
+    code, out, _ = run_cli(capsys, "disturbance", "--data", data, "--output", tmp_path)
+    assert code == 0
+    assert "w_max is not a bound" in out and "38%        46%        35%" in out
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    keys = ("delay_samples", "lag_pole", "gain", "bias", "a", "b", "w_max")
+    assert all(len(summary[key]) == 3 for key in keys)
+    assert summary["delay_samples"] == [3, 2, 2]
+    np.testing.assert_allclose(summary["w_max"], [0.0364, 0.0275, 0.0884], atol=5e-5)
+
+
+@pytest.mark.parametrize("command", ["identify", "validate", "disturbance"])
+def test_without_a_recording_a_synthetic_one_serves(command, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, out, err = run_cli(capsys, command)
+    assert code == 0
+    assert "synthetic recording" in err and "Written to runs/" in out
+
+
+def test_identify_as_latex_with_search_and_figures(tmp_path, capsys):
+    code, out, _ = run_cli(
+        capsys, "identify", "--model", "kinematic", "--latex", "--search",
+        "--figures", tmp_path / "figures", "--output", tmp_path / "m.yaml",
+    )  # fmt: skip
+    assert code == 0
+    assert r"\begin{aligned}" in out and "held out" in out and " *\n" in out
+    assert len(list((tmp_path / "figures").glob("*.svg"))) >= 3
+
+
+def test_an_identified_model_runs_in_a_scenario(tmp_path, capsys):
+    file = tmp_path / "mine.yaml"
+    run_cli(capsys, "identify", "--model", "kinematic", "--output", file)
+    code, out, _ = run_cli(
+        capsys, "simulate", "circle", "--set", f"prediction_model={file}", "--set", "duration=1",
+        "--no-plots", "--output", tmp_path / "run",
+    )  # fmt: skip
+    assert code == 0 and "0 failures" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["identify", "--data", "no.csv"], ["no.csv", "cannot be read"]),
+        (["identify", "--data", "no_bag.mcap"], ["no_bag.mcap"]),
+        (["identify", "--model", "cubic"], ["--model", "extended_dynamic"]),
+        (["identify", "--thresholds", "1,2"], ["--thresholds 1,2", "three numbers"]),
+        (["identify", "--thresholds", "9,9,9"], ["threshold 9", "lower it"]),
+        (["validate", "--model", "magic"], ["magic", "use one of"]),
+        (["validate", "--integrator", "euler"], ["--integrator", "ode45"]),
+        (["disturbance", "--level", "1.5"], ["--level"]),
+        (["disturbance", "--output", "/dev/null/x"], ["/dev/null/x", "cannot be written"]),
+    ],
+)
+def test_wrong_use_is_one_clear_line_and_code_2(arguments, words, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, _, err = run_cli(capsys, *arguments)
+    assert code == 2
+    lines = [line for line in err.splitlines() if line.startswith("Error: ")]
+    assert len(lines) == 1 and "Traceback" not in err
+    for word in words:
+        assert word in lines[0]
+    assert not list(tmp_path.rglob("*.*"))
