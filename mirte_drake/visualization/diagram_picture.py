@@ -79,11 +79,11 @@ def save_diagram_picture(diagram: Diagram, stem: Path, depth: int = 2) -> list[P
     graph = pygraphviz.AGraph(string=dot)
     for path in paths:
         with replacing(path) as temporary:
-            if path.suffix == ".dot":
-                temporary.write_text(dot, encoding="utf-8")
-            else:
-                args = "-Gdpi=160" if path.suffix == ".png" else ""
-                graph.draw(str(temporary), prog="dot", args=args)
+            suffix = path.suffix.removeprefix(".")
+            # Drawn to memory: pygraphviz cannot open a file under Python 3.11.2, Debian 12's.
+            args = "-Gdpi=160" if suffix == "png" else ""
+            picture = dot.encode() if suffix == "dot" else graph.draw(None, suffix, "dot", args)
+            temporary.write_bytes(picture)
     return paths
 
 
