@@ -55,12 +55,12 @@ def test_without_a_recording_a_synthetic_one_serves(command, tmp_path, capsys, m
     monkeypatch.chdir(tmp_path)
     code, out, err = run_cli(capsys, command)
     assert code == 0
-    assert "synthetic recording" in err and "Written to runs/" in out
+    assert "synthetic recording" in err and "Written to runs/" in out + err
 
 
 def test_identify_as_latex_with_search_and_figures(tmp_path, capsys):
     code, out, _ = run_cli(
-        capsys, "identify", "--model", "kinematic", "--latex", "--search",
+        capsys, "identify", "--model", "kinematic", "--latex", "--search", "held_out",
         "--figures", tmp_path / "figures", "--output", tmp_path / "m.yaml",
     )  # fmt: skip
     assert code == 0
@@ -86,7 +86,10 @@ def test_an_identified_model_runs_in_a_scenario(tmp_path, capsys):
         (["identify", "--model", "cubic"], ["--model", "extended_dynamic"]),
         (["identify", "--thresholds", "1,2"], ["--thresholds 1,2", "three numbers"]),
         (["identify", "--thresholds", "9,9,9"], ["threshold 9", "lower it"]),
+        (["identify", "--search", "training", "--thresholds", "1,1,1"], ["--search", "leave"]),
         (["validate", "--model", "magic"], ["magic", "use one of"]),
+        (["validate", "--model", "dynamic", "--model", "dynamic"], ["given twice"]),
+        (["validate", *(f"--model={i}.yaml" for i in range(6))], ["at most 5", "--no-plots"]),
         (["validate", "--integrator", "euler"], ["--integrator", "ode45"]),
         (["disturbance", "--level", "1.5"], ["--level"]),
         (["disturbance", "--output", "/dev/null/x"], ["/dev/null/x", "cannot be written"]),
@@ -101,3 +104,25 @@ def test_wrong_use_is_one_clear_line_and_code_2(arguments, words, capsys, tmp_pa
     for word in words:
         assert word in lines[0]
     assert not list(tmp_path.rglob("*.*"))
+
+
+def test_models_of_the_same_file_name_are_told_apart(tmp_path, capsys):
+    for folder in ("a", "b"):
+        run_cli(
+            capsys, "identify", "--model", "kinematic", "--output", tmp_path / folder / "m.yaml"
+        )
+    names = [str(tmp_path / folder / "m.yaml") for folder in ("a", "b")]
+    code, _, _ = run_cli(
+        capsys, "validate", "--no-plots", *(f"--model={name}" for name in names),
+        "--output", tmp_path,
+    )  # fmt: skip
+    assert code == 0
+    assert list(json.loads((tmp_path / "summary.json").read_text())) == names
+
+
+def test_a_correction_that_does_not_fit_the_model_is_called_so(recordings, tmp_path, capsys):
+    data = recordings / "training_data.csv"
+    code, out, _ = run_cli(
+        capsys, "disturbance", "--data", data, "--model", "dynamic", "--output", tmp_path
+    )
+    assert code == 0 and "does not fit the model (yaw rate)" in out

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -38,9 +39,18 @@ data_option = click.option(
     metavar="X,Y,THETA",
     help="Smallest coefficients that are kept; else the published ones.",
 )
-@click.option("--search", is_flag=True, help="Searches the thresholds and prints the error table.")
+@click.option(
+    "--search",
+    type=click.Choice(("held_out", "training")),
+    help="Searches the thresholds of least error, on samples not fitted or fitted, and prints the "
+    "error table.",
+)
 @click.option("--latex", is_flag=True, help="Prints the equations as LaTeX.")
-@click.option("--figures", type=click.Path(file_okay=False, path_type=Path), help="Folder.")
+@click.option(
+    "--figures",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Folder to write figures of the recording and its derivative to.",
+)
 @click.option(
     "--output",
     type=click.Path(dir_okay=False, path_type=Path),
@@ -51,7 +61,7 @@ def identify(
     kind: str,
     mode: str,
     thresholds: str | None,
-    search: bool,
+    search: str | None,
     latex: bool,
     figures: Path | None,
     output: Path | None,
@@ -67,7 +77,9 @@ def identify(
     run = _load(data)
     chosen = _parse_thresholds(thresholds, kind) if thresholds else None
     if search:
-        chosen, tables = search_thresholds(run, kind, mode)
+        if thresholds:
+            raise UserError("--search: finds the thresholds itself; leave --thresholds out")
+        chosen, tables = search_thresholds(run, kind, mode, search)
         click.echo(threshold_text(chosen, tables))
     model = fit(run, kind, mode, thresholds=chosen, date=date.today().isoformat())
     save_model_file(model, output)
@@ -75,8 +87,8 @@ def identify(
         _save_training_figures(run, mode, figures)
     click.echo(equations_latex(model) if latex else equations_text(model))
     for name, score in model.training_scores.items():
-        click.echo(f"{name.replace('_', ' ')}: {score:.4f}")
-    click.echo(f"Written to {output}")
+        click.echo(f"{name.replace('_', ' ')}: {score:.4f}", err=True)
+    click.echo(f"Written to {output}", err=True)  # The equations alone go to standard output.
 
 
 @commands.command()
@@ -112,13 +124,22 @@ def validate(
     from mirte_drake.identification.reports import validation_text
     from mirte_drake.identification.validation import validate_model
     from mirte_drake.model.model_file import load_model
-    from mirte_drake.visualization.identification_figures import save_validation_figures
+    from mirte_drake.visualization.identification_figures import (
+        MAX_MODELS,
+        save_validation_figures,
+    )
 
     names = models or ("kinematic", "extended_kinematic", "dynamic")
+    if not no_plots and len(names) > MAX_MODELS:
+        raise UserError(
+            f"--model: figures tell at most {MAX_MODELS} models apart, got {len(names)}; "
+            "name fewer, or give --no-plots"
+        )
     run = _load(data, needs_excitation=False)
     folder = output or Path("runs") / "validation" / (data.stem if data else "synthetic")
     results = {
-        Path(n).stem: validate_model(load_model(n), run, integrator=integrator) for n in names
+        label: validate_model(load_model(name), run, integrator=integrator)
+        for label, name in _labels(names).items()
     }
     rmse = {
         name: {"pose_rmse": r.pose_rmse.tolist(), "velocity_rmse": r.velocity_rmse.tolist()}
@@ -169,6 +190,17 @@ def disturbance(data: Path | None, model: str, level: float, output: Path | None
     write_json(disturbance_summary(estimate), folder / "summary.json")
     click.echo(disturbance_text(estimate))
     click.echo(f"Written to {folder}")
+
+
+def _labels(names: Sequence[str]) -> dict[str, str]:
+    """Returns the models by short labels: the file's stem, or the whole name where stems agree."""
+    if len(set(names)) < len(names):
+        raise UserError("--model: the same model is given twice")
+    stems = [Path(name).stem for name in names]
+    return {
+        stem if stems.count(stem) == 1 else name: name
+        for stem, name in zip(stems, names, strict=True)
+    }
 
 
 def _parse_thresholds(text: str, kind: str) -> dict[str, float]:

@@ -27,8 +27,9 @@ def load_bag(
 ) -> RecordedRun:
     """Reads a recording from a ROS 2 bag: one row per odometry message.
 
-    Each row has the wheel commands last received when its odometry message was, zero before the
-    first. Time is that of the odometry's stamps; where they are empty, that of reception.
+    Each row has the wheel commands in force half a sample after its odometry message was received,
+    zero before the first. Time is that of the odometry's stamps; where they are empty, that of
+    reception.
 
     Args:
         path: The bag's folder, or its .mcap or .db3 file.
@@ -50,14 +51,18 @@ def load_bag(
     if not np.all(stamps > 0):
         stamps = arrival
         repairs.append("time: the odometry has no stamps; rebuilt from the times of reception")
+    # A controller answers each odometry message a little later: what holds in the middle of the
+    # sample is what drives it.
+    middle = arrival + (int(np.median(np.diff(arrival))) // 2 if len(arrival) > 1 else 0)
     command = np.zeros((len(odometry), len(WHEELS)))
     for wheel, topic in enumerate(command_topics):
         sent = received[topic]
         values = np.array([0.0, *(getattr(m, _field(m)) for _, m in sent)])
-        last = np.searchsorted([stamp for stamp, _ in sent], arrival, side="right")
+        last = np.searchsorted([stamp for stamp, _ in sent], middle, side="right")
         command[:, wheel] = values[last]
         if zeros := np.count_nonzero(last == 0):
-            repairs.append(f"{WHEELS[wheel]}: zero in {zeros} rows before its first command")
+            rows = "1 row" if zeros == 1 else f"{zeros} rows"
+            repairs.append(f"{WHEELS[wheel]}: zero in {rows} before its first command")
     poses = [_pose(message) for _, message in odometry]
     twists = [message.twist.twist for _, message in odometry]
     velocities = [[twist.linear.x, twist.linear.y, twist.angular.z] for twist in twists]

@@ -24,6 +24,8 @@ HEADER = (TIME_COLUMN, *COLUMNS[:8], "Left_Rear_Input", "Right_Rear_Input")
 
 STAMP = re.compile(r"(\d{4}-\d{2}-\d{2}[ T])?(\d{1,2}:\d{2}:\d{2}.*)", re.ASCII)
 
+DELIMITERS = (",", ";", "\t")  # As spreadsheets write them.
+
 
 def load_csv(path: Path) -> RecordedRun:
     """Reads a recording from a CSV file; further columns are ignored.
@@ -62,7 +64,9 @@ def save_csv(run: RecordedRun, path: Path) -> None:
 
 def _parse(text: str) -> tuple[RecordedRun, list[int]]:
     """Returns the run as it stands in the text, and the line of each row."""
-    reader = csv.reader(io.StringIO(text))
+    first = text.split("\n", 1)[0]
+    delimiter = max(DELIMITERS, key=first.count)
+    reader = csv.reader(io.StringIO(text), delimiter=delimiter)
     try:
         rows = [(reader.line_num, cells) for cells in reader if any(map(str.strip, cells))]
     except csv.Error as error:

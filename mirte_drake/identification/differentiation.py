@@ -22,7 +22,9 @@ MODES = ("converged", "published")
 class TvrConfig:
     """Settings of TVR differentiation; the defaults are the source's."""
 
-    alpha: float = 0.01  # Weight of the total variation.
+    # Weight of the total variation. It stands against a sum over samples, so that the same value
+    # smooths less at a higher sample rate.
+    alpha: float = 0.01
     epsilon: float = 1e-6  # Rounds off the absolute value.
     tolerance: float = 1e-9  # "converged": gradient norm, relative to that of u = 0.
     max_iterations: int = 200  # "converged": Newton steps.
@@ -109,6 +111,8 @@ def _published(
         step = np.zeros_like(u)
         residual = gradient.copy()
         goal = 1e-4 * np.sqrt((gradient * gradient).sum())
+        if goal == 0.0:
+            break
         direction, rho = np.zeros_like(u), 1.0
         for _ in range(1000):
             z = residual / preconditioner
@@ -168,7 +172,7 @@ def _converged(data: np.ndarray, origin: float, dt: float, config: TvrConfig) ->
 def _step_length(z: np.ndarray, change: np.ndarray) -> float:
     """Returns the longest step (at most 1) that keeps |z| < 1."""
     room = np.where(change > 0, 1 - z, 1 + z)
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):
         return min(1.0, 0.99 * float(np.min(room / np.abs(change), initial=np.inf)))
 
 

@@ -24,7 +24,7 @@ from mirte_drake.model.candidate_library import HEADING, CandidateLibrary, parse
 from mirte_drake.model.model_file import Identification, ModelFile
 from mirte_drake.vectors import YAW
 
-# What a search over thresholds tries, beside the structure's own.
+# What a search over thresholds tries.
 THRESHOLD_GRID = np.geomspace(1e-6, 1e-3, 13)
 
 
@@ -53,10 +53,17 @@ def regression_problem(
     """
     structure = model_structure(kind)
     variables = (HEADING, *BODY_VELOCITIES, *INPUTS)
-    values = np.column_stack([run.pose[:, YAW], run.body_velocity, run.wheel_command])
+    yaw, velocity, command = run.pose[:, YAW], run.body_velocity, run.wheel_command
     derivative = run.pose
     for _ in range(structure.order):
         derivative = tvr_derivative(derivative, run.period, mode, tvr)
+    if mode != "published":
+        # Deviation: the input of row k is held until row k + 1, and the measured velocity is the
+        # mean over the sample before its row. So means over a sample belong together, not values
+        # at its start, where the input jumps.
+        derivative, yaw = (0.5 * (column[1:] + column[:-1]) for column in (derivative, yaw))
+        velocity, command = velocity[1:], command[:-1]
+    values = np.column_stack([yaw, velocity, command])
     terms = {
         state: CandidateLibrary(variables, [parse_term(t, variables) for t in names]).evaluate(
             values
@@ -98,10 +105,14 @@ def identify(
     derivatives, scores = dict(structure.known), {}
     for state, names in structure.candidates.items():
         Theta, y = problem.terms[state], problem.derivatives[state]
-        try:
-            xi = stlsq(Theta, y, thresholds[state], regression)
-        except ValueError as error:
-            raise UserError(f"{run.source}: {state}: {error}; record more motion") from None
+        if not np.any(y):
+            raise UserError(f"{run.source}: {state} does not move; record more motion")
+        unseen = [name for name, column in zip(names, Theta.T, strict=True) if not column.any()]
+        if unseen:
+            raise UserError(
+                f"{run.source}: {', '.join(unseen)} is zero in all samples; record more motion"
+            )
+        xi = stlsq(Theta, y, thresholds[state], regression)
         table = {name: float(c) for name, c in zip(names, xi, strict=True) if c != 0.0}
         if not table:
             raise UserError(
@@ -139,6 +150,9 @@ def search_thresholds(
     grid: np.ndarray = THRESHOLD_GRID,
 ) -> tuple[dict[str, float], dict[str, list[ThresholdRow]]]:
     """Returns the thresholds of least error, and the error tables (section 3-3).
+
+    Deviation: the thesis takes the least error on the samples fitted, which favours many terms;
+    ``criterion="training"`` does so, the default looks at samples that were not fitted.
 
     Args:
         run: The recording.

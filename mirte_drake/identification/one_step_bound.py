@@ -11,8 +11,9 @@ import numpy as np
 from mirte_drake.angles import pose_error, rotation
 from mirte_drake.errors import UserError
 from mirte_drake.identification.recorded_run import RecordedRun
+from mirte_drake.identification.validation import measured_states
 from mirte_drake.model.sparse_model import SparseModel
-from mirte_drake.vectors import POSE, POSE_SIZE, YAW
+from mirte_drake.vectors import POSE, YAW
 
 BLOCK = 5.0  # [s] Calibration and held-out data take turns in blocks of this length.
 
@@ -30,17 +31,13 @@ class OneStepBound:
 def one_step_error(model: SparseModel, run: RecordedRun) -> np.ndarray:
     """Returns w_k (N - 1, 3) [m/s, m/s, rad/s] of x_{k+1} = f(x_k, u_k) + T_s R(yaw_k) w_k.
 
-    States ``x_dot``, ``y_dot``, ``theta_dot`` are the measured velocity turned into the world
-    frame; other states beyond the pose are taken as zero.
+    T_s is each sample's own duration. For x_k see ``validation.measured_states``.
     """
     turn = rotation(run.pose[:, YAW])
-    rate = np.einsum("kij,kj->ki", turn, run.body_velocity)
-    names = model.states[:POSE_SIZE]
-    known = dict(zip(names, run.pose.T, strict=True))
-    known |= {f"{name}_dot": column for name, column in zip(names, rate.T, strict=True)}
-    states = np.column_stack([known.get(s, np.zeros(len(rate))) for s in model.states])
-    predicted = model.step(states[:-1], run.wheel_command[:-1], run.period)[:, POSE]
-    error = pose_error(run.pose[1:], predicted) / run.period
+    states = measured_states(model, run)
+    duration = np.diff(run.time)[:, None]
+    predicted = model.step(states[:-1], run.wheel_command[:-1], duration)[:, POSE]
+    error = pose_error(run.pose[1:], predicted) / duration
     return np.einsum("kji,kj->ki", turn[:-1], error)
 
 

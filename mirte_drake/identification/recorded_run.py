@@ -172,7 +172,8 @@ def _repaired_time(time: np.ndarray, where: Callable[[int], str], repairs: list[
     if uneven := np.count_nonzero((steps < low) | (steps > high)):
         repairs.append(
             f"time: {uneven} of {len(steps)} intervals outside {1e3 * low:.3g}-{1e3 * high:.3g} ms"
-            f" (shortest {1e3 * steps.min():.3g}, longest {1e3 * steps.max():.3g} ms); kept"
+            f" (shortest {1e3 * steps.min():.3g}, longest {1e3 * steps.max():.3g} ms); "
+            "kept, but derivatives take the samples as evenly spaced"
         )
     return time
 

@@ -17,6 +17,7 @@ from mirte_drake.vectors import POSE, POSE_SIZE, YAW
 
 INTEGRATORS = ("zoh", "ode45")
 MAX_STEP = 0.01  # [s] of RK4 under "zoh": lags down to this are still followed.
+MAX_POSE_STEP = 0.05  # [s] The same where the pose is the only state and nothing lags.
 
 
 @dc.dataclass(frozen=True)
@@ -79,18 +80,17 @@ def rmse(predicted: np.ndarray, measured: np.ndarray) -> np.ndarray:
     return np.sqrt(np.mean((predicted - measured) ** 2, axis=0))
 
 
-def initial_state(model: SparseModel, run: RecordedRun) -> np.ndarray:
-    """Returns the model state (n,) at the recording's first row.
+def measured_states(model: SparseModel, run: RecordedRun) -> np.ndarray:
+    """Returns the model states (N, n) that a recording tells.
 
     Pose as measured; ``x_dot``, ``y_dot``, ``theta_dot`` the measured velocity turned into the
     world frame (2-1); any other state zero.
     """
-    pose = run.pose[0]
-    rate = rotation(pose[YAW]) @ run.body_velocity[0]
+    rate = np.einsum("kij,kj->ki", rotation(run.pose[:, YAW]), run.body_velocity)
     names = model.states[:POSE_SIZE]
-    known = dict(zip(names, pose, strict=True))
-    known |= {f"{name}_dot": value for name, value in zip(names, rate, strict=True)}
-    return np.array([known.get(state, 0.0) for state in model.states])
+    known = dict(zip(names, run.pose.T, strict=True))
+    known |= {f"{name}_dot": column for name, column in zip(names, rate.T, strict=True)}
+    return np.column_stack([known.get(state, np.zeros(len(rate))) for state in model.states])
 
 
 def body_velocity(model: SparseModel, states: np.ndarray, inputs: np.ndarray) -> np.ndarray:
@@ -100,15 +100,16 @@ def body_velocity(model: SparseModel, states: np.ndarray, inputs: np.ndarray) ->
 
 
 def simulate_held_inputs(model: SparseModel, run: RecordedRun) -> tuple[np.ndarray, np.ndarray]:
-    """Integrates from sample to sample with the input held (RK4 steps of at most MAX_STEP).
+    """Integrates from sample to sample with the input held (RK4).
 
     Returns:
         States (N, n) and inputs (N, m) at the samples.
     """
+    max_step = MAX_STEP if model.num_states > POSE_SIZE else MAX_POSE_STEP
     states = np.empty((len(run.time), model.num_states))
-    states[0] = initial_state(model, run)
+    states[0] = measured_states(model, run)[0]
     for k, duration in enumerate(np.diff(run.time)):
-        count = int(np.ceil(duration / MAX_STEP))
+        count = int(np.ceil(duration / max_step))
         x = states[k]
         for _ in range(count):
             x = model.step(x, run.wheel_command[k], duration / count)
@@ -135,9 +136,12 @@ def simulate_as_matlab(model: SparseModel, run: RecordedRun) -> tuple[np.ndarray
         row = np.searchsorted(input_times, t, side="right") - 1
         return run.wheel_command[row]
 
+    start = measured_states(model, run)[0]
     try:
         solution = ode45(
-            lambda t, x: model.derivative(x, input_at(t)), output_times, initial_state(model, run)
+            lambda t, x: model.derivative(x, input_at(t)),
+            output_times,
+            start,
         )
     except ArithmeticError as error:
         raise UserError(f"model {model.name}: {run.source}: {error}") from None

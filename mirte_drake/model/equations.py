@@ -39,9 +39,11 @@ def equations_latex(model: ModelFile) -> str:
         if state.removesuffix("_dot") == state and f"{state}_dot" in model.states:
             continue  # A pose whose derivative is a state: nothing to say.
         first, *rest = _groups(table, _LATEX)
-        lines.append(rf"{_derivative(state)} ={{}} & {first.removeprefix('+' + _GLUE)}")
+        first = first.removeprefix("+" + _GLUE)
+        lines.append(rf"{_derivative(state)} ={{}} & {first}")
         lines += [f"& {group}" for group in rest]
-    return "\\begin{aligned}\n" + " \\\\\n".join(lines).replace(_GLUE, " ") + "\n\\end{aligned}"
+    body = " \\\\\n".join(lines).replace(f"& -{_GLUE}", "& {-}").replace(f"(-{_GLUE}", "({-}")
+    return "\\begin{aligned}\n" + body.replace(_GLUE, " ") + "\n\\end{aligned}"
 
 
 def _groups(table: Mapping[str, float], notation: _Notation) -> list[str]:

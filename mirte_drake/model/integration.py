@@ -8,13 +8,13 @@ Derivative = Callable[[np.ndarray], np.ndarray]
 Linearisation = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
 
 
-def rk4_step(derivative: Derivative, x: np.ndarray, dt: float) -> np.ndarray:
+def rk4_step(derivative: Derivative, x: np.ndarray, dt: float | np.ndarray) -> np.ndarray:
     """Returns the state after ``dt`` [s].
 
     Args:
         derivative: Maps a state (..., n) to its time derivative, the input being held.
         x: (..., n) state at the start.
-        dt: Step [s].
+        dt: Step [s]; an array (..., 1) for a step of each batch entry.
     """
     k1 = derivative(x)
     k2 = derivative(x + 0.5 * dt * k1)

@@ -96,8 +96,8 @@ class SparseModel:
         jacobian = table[..., n:].reshape(*table.shape[:-1], n, n + m)
         return table[..., :n], jacobian[..., :n], jacobian[..., n:]
 
-    def step(self, x: np.ndarray, u: np.ndarray, dt: float) -> np.ndarray:
-        """Returns the state (..., n) after ``dt`` [s] with u held (RK4)."""
+    def step(self, x: np.ndarray, u: np.ndarray, dt: float | np.ndarray) -> np.ndarray:
+        """Returns the state (..., n) after ``dt`` [s], a number or (..., 1), with u held (RK4)."""
         return rk4_step(lambda state: self.derivative(state, u), x, dt)
 
     def step_jacobians(

@@ -18,7 +18,7 @@ class ExcitationSource(LeafSystem):
     =============  ===========  =====  =========================================
     port           type         unit   meaning
     =============  ===========  =====  =========================================
-    wheel_command  vector (4,)  [pwm]  u, held for a control interval of 0.3 s
+    wheel_command  vector (4,)  [pwm]  u, held for a control interval
     =============  ===========  =====  =========================================
 
     It depends on time alone: at k times any period it is row k of ``excitation``.

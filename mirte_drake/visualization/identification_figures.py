@@ -19,6 +19,8 @@ from mirte_drake.visualization.style import (
     write_figures,
 )
 
+MAX_MODELS = len(PREDICTED)  # That lines tell apart in black and white.
+
 Predictions = Mapping[str, np.ndarray]  # One array (N, 3) per model, by its name.
 Curve = tuple[str, np.ndarray, Line]  # Label, values (N, 3), style.
 
@@ -146,8 +148,8 @@ def save_validation_figures(
 
 
 def _curves(label: str, measured: np.ndarray, predictions: Predictions) -> list[Curve]:
-    if len(predictions) > len(PREDICTED):
-        raise UserError(f"figures show at most {len(PREDICTED)} models, got {len(predictions)}")
+    if len(predictions) > MAX_MODELS:
+        raise UserError(f"figures show at most {MAX_MODELS} models, got {len(predictions)}")
     styled = zip(predictions.items(), PREDICTED, strict=False)
     names = [(name.replace("_", " "), values, style) for (name, values), style in styled]
     return [(label, measured, MEASURED), *names]

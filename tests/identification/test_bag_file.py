@@ -37,8 +37,9 @@ def make_bag(
     leave_out=(),
     stamped=True,
     first_command=0,
+    command_delay=-1_000_000,
 ):
-    """Writes a bag as the robot would: each command once, 4 ms before the odometry that sees it."""
+    """Writes a bag as the robot would: each command once, 4 ms before the odometry of its row."""
     run = run or moving_run(ROWS)
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     store.register(typesys.get_types_from_msg("int32 speed", SET_SPEED))
@@ -64,7 +65,7 @@ def make_bag(
             for wheel, connection in motors.items():
                 command = run.wheel_command[:, WHEELS.index(wheel)]
                 if k == first_command or (k > first_command and command[k] != command[k - 1]):
-                    send(connection, stamp - 1_000_000, types[command_type](int(command[k])))
+                    send(connection, stamp + command_delay, types[command_type](int(command[k])))
             if odom and odometry_type == "nav_msgs/msg/Odometry":
                 send(odom, stamp + 3_000_000, odometry_message(types, run, k, stamp * stamped))
     return path
@@ -148,6 +149,13 @@ def test_other_names(tmp_path):
     path = make_bag(tmp_path / "drive", namespace="/robot_2/io", odometry="/robot_2/odom")
     check_run(load_bag(path, odometry_topic="/robot_2/odom", namespace="/robot_2/io/"))
     assert "topics missing" in bag_error(path)
+
+
+@pytest.mark.parametrize("milliseconds", [-20, 5, 40])
+def test_a_command_belongs_to_the_sample_that_it_drives(tmp_path, milliseconds):
+    """A controller answers odometry a little later; that answer drives the sample that follows."""
+    bag = make_bag(tmp_path / "drive", command_delay=milliseconds * 1_000_000)
+    np.testing.assert_array_equal(load_bag(bag).wheel_command, moving_run(ROWS).wheel_command)
 
 
 def test_commands_are_zero_before_the_first(tmp_path):

@@ -192,7 +192,15 @@ def test_missing_columns_are_named(path, text, column):
 
 def test_all_missing_columns_are_named(path):
     message = load_error(path, "time;x;y\n0;1;2\n")
-    assert f"columns missing: {', '.join(HEADER)}; the header is 'time;x;y'" in message
+    assert f"columns missing: {', '.join(HEADER)}; the header is 'time, x, y'" in message
+
+
+@pytest.mark.parametrize("delimiter", [";", "\t"])
+def test_other_delimiters_are_understood(path, text, delimiter):
+    path.write_text(text)
+    run = load_csv(path)
+    path.write_text(text.replace(",", delimiter))
+    assert load_csv(path) == run
 
 
 def test_columns_given_twice(path, text):

@@ -87,12 +87,14 @@ def test_residuals_of_the_recording_are_correlated_in_time(recorded):
 
 
 def test_one_step_bounds_of_the_recording(recorded):
-    published, quantile, conformal, maximum = recorded.one_step
+    published, quantile, conformal, joint, maximum = recorded.one_step
     assert np.all(published.coverage < 0.8)
     assert np.all(np.abs(quantile.coverage - 0.95) < 0.03)
     assert np.all(np.abs(conformal.coverage - 0.95) < 0.03)
     assert np.all(maximum.coverage > 0.99)
     assert conformal.joint_coverage < np.min(conformal.coverage)
+    assert conformal.joint_coverage < joint.joint_coverage
+    assert abs(joint.joint_coverage - 0.95) < 0.03
 
 
 def test_text_says_that_the_published_value_is_no_bound(recorded):
@@ -189,11 +191,12 @@ def test_falling_dependence_on_the_input_rate_counts_as_none():
 
 
 def test_one_step_bounds_of_known_noise(synthetic):
-    _, quantile, conformal, maximum = synthetic.one_step
+    _, quantile, conformal, joint, maximum = synthetic.one_step
     for bound in (quantile, conformal):
         np.testing.assert_allclose(bound.w, 1.96 * NOISE, rtol=0.15)
         assert np.all(np.abs(bound.coverage - 0.95) < 0.04)  # Standard error 0.013.
     assert np.all(maximum.w > 2.5 * NOISE)
+    assert abs(joint.joint_coverage - 0.95) < 0.04
 
 
 def test_exact_integration_changes_little(recorded):

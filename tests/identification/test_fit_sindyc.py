@@ -1,10 +1,13 @@
 import math
+import subprocess
+import sys
 import time
 
 import numpy as np
 import pytest
 
 from mirte_drake.errors import UserError
+from mirte_drake.identification.differentiation import TvrConfig
 from mirte_drake.identification.fit_sindyc import (
     identify,
     regression_problem,
@@ -12,6 +15,10 @@ from mirte_drake.identification.fit_sindyc import (
 )
 from mirte_drake.identification.model_structure import KINDS, model_structure
 from mirte_drake.identification.recorded_run import RecordedRun, load_recorded_run
+from mirte_drake.identification.synthetic_recording import (
+    SyntheticRecordingConfig,
+    synthetic_recording,
+)
 from mirte_drake.model.model_file import load_model, load_model_file, save_model_file
 
 PUBLISHED = ("kinematic", "extended_kinematic", "dynamic")
@@ -105,6 +112,41 @@ def test_the_structures_are_those_of_the_tables():
     assert len(model_structure("extended_dynamic").candidates["x_dot"]) == 21
     with pytest.raises(ValueError, match="extended_dynamic"):
         model_structure("magic")
+
+
+def test_without_noise_the_held_input_is_recovered_nearly_exactly():
+    """Means over a sample belong to the input held over it: no bias but the differentiation's."""
+    config = SyntheticRecordingConfig(quantised=False)
+    truth = load_model_file("kinematic").derivatives
+    run = synthetic_recording(load_model("kinematic"), config)
+    found = identify(run, "kinematic", tvr=TvrConfig(alpha=1e-6)).derivatives
+    for state, table in truth.items():
+        assert set(found[state]) == set(table)
+        error = np.linalg.norm([found[state][term] - table[term] for term in table])
+        assert error < 0.005 * np.linalg.norm(list(table.values()))
+
+
+@pytest.mark.slow
+def test_a_hundred_thousand_samples_cost_in_proportion():
+    """All three models within 10 s and 500 MB, in a process of its own."""
+    code = """
+import resource, time, numpy as np
+from mirte_drake.identification.fit_sindyc import identify
+from mirte_drake.identification.recorded_run import RecordedRun
+rng, n = np.random.default_rng(0), 100_000
+command = np.repeat(rng.uniform(-100, 100, (n // 20, 4)), 20, axis=0)
+velocity = command @ (1e-3 * rng.normal(size=(4, 3)))
+run = RecordedRun(0.1 * np.arange(n), 0.1 * np.cumsum(velocity, axis=0), velocity, command)
+start = time.process_time()
+for kind in ("kinematic", "extended_kinematic", "dynamic"):
+    identify(run, kind)
+print(time.process_time() - start, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    seconds, kilobytes = map(float, done.stdout.split())
+    assert seconds < 10.0
+    assert kilobytes < 500_000
 
 
 def still_run() -> RecordedRun:

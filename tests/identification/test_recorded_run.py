@@ -136,7 +136,8 @@ def test_jitter_is_stated_and_kept():
     kept = repair(late)
     np.testing.assert_array_equal(kept.time, late.time)
     assert kept.repairs == (
-        "time: 2 of 119 intervals outside 98-102 ms (shortest 70, longest 130 ms); kept",
+        "time: 2 of 119 intervals outside 98-102 ms (shortest 70, longest 130 ms); kept, "
+        "but derivatives take the samples as evenly spaced",
     )
 
 
@@ -271,7 +272,8 @@ def test_excitation():
             800,
             0.0999997,
             (
-                "time: 19 of 799 intervals outside 98-102 ms (shortest 18.4, longest 181 ms); kept",
+                "time: 19 of 799 intervals outside 98-102 ms (shortest 18.4, longest 181 ms); "
+                "kept, but derivatives take the samples as evenly spaced",
                 "30 rows equal to the row before (standstill); kept",
             ),
         ),

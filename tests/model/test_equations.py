@@ -43,7 +43,7 @@ def test_a_constant_and_a_leading_minus():
 def test_latex_writes_derivatives_powers_and_names():
     latex = equations_latex(load_model_file("dynamic"))
     assert r"\ddot{x} ={} & \sin\theta\,(1.037\,v_{y}" in latex
-    assert r"\ddot{\theta} ={} & - 1.2711\,\Omega" in latex
+    assert r"\ddot{\theta} ={} & {-}1.2711\,\Omega" in latex
     assert latex.count("={}") == 3  # Nothing of x_dot = x_dot.
     latex = equations_latex(load_model_file("extended_kinematic"))
     assert r"7.1607 \cdot 10^{-5}\,u_{1}\,u_{1}" in latex
