@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 import pytest
-from cli_runner import run_cli
+from cli_runner import check_wrong_use, run_cli
 
 from mirte_drake.cli import commands
 
@@ -92,12 +92,7 @@ def test_every_command_has_help(command, capsys):
 )  # fmt: skip
 def test_wrong_use_is_one_clear_line_and_code_2(arguments, words, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    code, _, err = run_cli(capsys, *arguments)
-    assert code == 2
-    lines = [line for line in err.splitlines() if line.startswith("Error: ")]
-    assert len(lines) == 1 and "Traceback" not in err
-    for word in words:
-        assert word in lines[0]
+    check_wrong_use(capsys, arguments, words)
     assert list(tmp_path.iterdir()) == []
 
 

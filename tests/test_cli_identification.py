@@ -2,8 +2,11 @@ import json
 
 import numpy as np
 import pytest
-from cli_runner import run_cli
+from cli_runner import check_wrong_use, run_cli
 
+from mirte_drake.cli import commands
+from mirte_drake.identification.differentiation import MODES
+from mirte_drake.identification.validation import INTEGRATORS
 from mirte_drake.model.model_file import load_model, load_model_file
 
 
@@ -97,12 +100,7 @@ def test_an_identified_model_runs_in_a_scenario(tmp_path, capsys):
 )
 def test_wrong_use_is_one_clear_line_and_code_2(arguments, words, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    code, _, err = run_cli(capsys, *arguments)
-    assert code == 2
-    lines = [line for line in err.splitlines() if line.startswith("Error: ")]
-    assert len(lines) == 1 and "Traceback" not in err
-    for word in words:
-        assert word in lines[0]
+    check_wrong_use(capsys, arguments, words)
     assert not list(tmp_path.rglob("*.*"))
 
 
@@ -126,3 +124,13 @@ def test_a_correction_that_does_not_fit_the_model_is_called_so(recordings, tmp_p
         capsys, "disturbance", "--data", data, "--model", "dynamic", "--output", tmp_path
     )
     assert code == 0 and "does not fit the model (yaw rate)" in out
+
+
+def test_the_choices_are_those_of_the_package():
+    """The command line names them itself, so that --help need not load everything."""
+
+    def choices(command, option):
+        return next(p for p in commands.commands[command].params if p.name == option).type.choices
+
+    assert tuple(choices("identify", "mode")) == MODES
+    assert tuple(choices("validate", "integrator")) == INTEGRATORS

@@ -11,11 +11,10 @@ import click
 
 from mirte_drake.cli.options import commands, output_option
 from mirte_drake.errors import UserError
+from mirte_drake.identification.model_structure import KINDS
 
 if TYPE_CHECKING:
     from mirte_drake.identification.recorded_run import RecordedRun
-
-KINDS = ("kinematic", "extended_kinematic", "dynamic", "extended_dynamic")
 
 data_option = click.option(
     "--data",
