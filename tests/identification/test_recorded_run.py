@@ -86,7 +86,8 @@ def test_commands_as_fractions():
 
 def test_commands_of_zero_are_no_fractions():
     run = moving_run()
-    repair(dc.replace(run, wheel_command=0 * run.wheel_command))
+    still = dc.replace(run, wheel_command=0 * run.wheel_command)
+    assert repair(still) == still
 
 
 # Time.
@@ -243,7 +244,8 @@ def test_standstill_is_stated():
 def test_a_robot_that_stands_still_tells_nothing_about_units():
     run = moving_run()
     noise = np.random.default_rng(2).normal(0.0, 1e-3, (120, 3))
-    repair(dc.replace(run, pose=0 * run.pose, body_velocity=noise))
+    still = dc.replace(run, pose=0 * run.pose, body_velocity=noise)
+    assert repair(still) == still
 
 
 # Excitation.
