@@ -58,7 +58,8 @@ def replacing_results(folder: Path, owned: Iterable[str]) -> Iterator[Path]:
 
     Args:
         folder: Where the files belong; made when missing.
-        owned: Name patterns of what earlier runs may have left there, which is removed.
+        owned: Names of what an earlier run may have left there, which is removed; names, not
+            patterns, so that nothing of the user's can match.
 
     Raises:
         UserError: when the folder cannot be made or written.
@@ -67,9 +68,8 @@ def replacing_results(folder: Path, owned: Iterable[str]) -> Iterator[Path]:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".partial-", dir=folder) as temporary:
             yield Path(temporary)
-            for pattern in owned:
-                for stale in folder.glob(pattern):
-                    stale.unlink(missing_ok=True)
+            for name in owned:
+                (folder / name).unlink(missing_ok=True)
             for file in sorted(Path(temporary).iterdir()):
                 file.replace(folder / file.name)
     except OSError as error:

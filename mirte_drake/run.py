@@ -27,6 +27,8 @@ from mirte_drake.vectors import POSE
 ROUNDING = 1e-9
 RATE_TOLERANCE = 1e-5
 
+RUN_FILES = ("log.npz", "summary.json", "as_run.scenario.yaml")
+
 
 @dc.dataclass(frozen=True)
 class Run:
@@ -145,7 +147,7 @@ def versions() -> dict[str, str]:
 
 
 def save_run(run: Run, folder: Path) -> dict[str, object]:
-    """Writes ``log.npz``, ``summary.json`` and ``scenario.yaml``, each complete or not at all.
+    """Writes ``RUN_FILES``: log, summary and the scenario as run, each complete or not at all.
 
     Returns:
         The summary.
@@ -154,8 +156,9 @@ def save_run(run: Run, folder: Path) -> dict[str, object]:
         UserError: when the folder cannot be written.
     """
     summary = summarise(run)
-    with replacing(folder / "log.npz") as path:
+    log, summary_file, scenario_file = (folder / name for name in RUN_FILES)
+    with replacing(log) as path:
         np.savez_compressed(path, **run.log)  # type: ignore[arg-type]
-    write_json(summary, folder / "summary.json")
-    write_typed(run.scenario, folder / f"{run.name}.scenario.yaml")
+    write_json(summary, summary_file)
+    write_typed(run.scenario, scenario_file)
     return summary

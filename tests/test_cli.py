@@ -21,7 +21,7 @@ def test_simulate_writes_what_the_contract_says(tmp_path, capsys):
         assert len(log["pose"]) == 6
     assert f"{summary['rmse']['x_m']:.4f} m" in out
     assert sorted(p.name for p in tmp_path.iterdir()) == [
-        "circle.scenario.yaml",
+        "as_run.scenario.yaml",
         "log.npz",
         "summary.json",
     ]
@@ -41,7 +41,7 @@ def test_simulate_draws_its_figures(tmp_path, capsys):
 def test_a_run_is_repeated_from_what_it_wrote(tmp_path, capsys):
     one, two = tmp_path / "one", tmp_path / "two"
     run_cli(capsys, "simulate", "circle", "--seed", 5, *QUICK, "--output", one)
-    run_cli(capsys, "simulate", one / "circle.scenario.yaml", "--no-plots", "--output", two)
+    run_cli(capsys, "simulate", one / "as_run.scenario.yaml", "--no-plots", "--output", two)
     with np.load(one / "log.npz") as first, np.load(two / "log.npz") as second:
         np.testing.assert_array_equal(first["pose"], second["pose"])
 
@@ -116,15 +116,17 @@ def test_the_installed_command_runs_from_any_folder(tmp_path):
     assert done.returncode == 0 and "turning_circle" in done.stdout
 
 
-def test_a_folder_holds_one_run_only(tmp_path, capsys):
+def test_a_folder_holds_one_run_and_keeps_what_is_the_users(tmp_path, capsys):
     run_cli(capsys, "simulate", "circle", "--set", "duration=0.5", "--output", tmp_path)
     assert (tmp_path / "path.pdf").exists()
-    (tmp_path / "notes.txt").write_text("mine")
-    run_cli(capsys, "simulate", "rectangle", *QUICK, "--output", tmp_path)
+    own = tmp_path / "mine.scenario.yaml"
+    own.write_text("extends: rectangle  # A comment of mine.\n")
+    run_cli(capsys, "simulate", own, *QUICK, "--output", tmp_path)
+    assert "A comment of mine" in own.read_text()
     assert sorted(p.name for p in tmp_path.iterdir()) == [
+        "as_run.scenario.yaml",
         "log.npz",
-        "notes.txt",
-        "rectangle.scenario.yaml",
+        "mine.scenario.yaml",
         "summary.json",
     ]
 

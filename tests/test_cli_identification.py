@@ -5,7 +5,9 @@ import pytest
 from cli_runner import check_wrong_use, run_cli
 
 from mirte_drake.cli import commands
+from mirte_drake.identification.csv_file import save_csv
 from mirte_drake.identification.differentiation import MODES
+from mirte_drake.identification.synthetic_recording import synthetic_recording
 from mirte_drake.identification.validation import INTEGRATORS
 from mirte_drake.model.model_file import load_model, load_model_file
 
@@ -51,6 +53,17 @@ def test_disturbance_says_that_the_published_value_is_no_bound(recordings, tmp_p
     assert all(len(summary[key]) == 3 for key in keys)
     assert summary["delay_samples"] == [3, 2, 2]
     np.testing.assert_allclose(summary["w_max"], [0.0364, 0.0275, 0.0884], atol=5e-5)
+
+
+def test_validate_keeps_what_is_the_users(tmp_path, capsys):
+    data = tmp_path / "validation_run.csv"
+    save_csv(synthetic_recording(), data)
+    before = data.read_bytes()
+    code, _, _ = run_cli(capsys, "validate", "--data", data, "--output", tmp_path)
+    assert code == 0 and data.read_bytes() == before
+    assert (tmp_path / "validation_pose.pdf").is_file()
+    run_cli(capsys, "validate", "--data", data, "--no-plots", "--output", tmp_path)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["summary.json", "validation_run.csv"]
 
 
 @pytest.mark.parametrize("command", ["identify", "validate", "disturbance"])

@@ -272,11 +272,11 @@ def test_a_run_saves_and_loads(tmp_path):
         assert sorted(log) == sorted(run.log)
         np.testing.assert_array_equal(log["gain"], run.log["gain"])
     assert json.loads((tmp_path / "deep" / "folder" / "summary.json").read_text()) == summary
-    again = load_scenario(str(tmp_path / "deep" / "folder" / "rectangle.scenario.yaml"))
+    again = load_scenario(str(tmp_path / "deep" / "folder" / "as_run.scenario.yaml"))
     assert repr(again) == repr(run.scenario)
     assert sorted(p.name for p in (tmp_path / "deep" / "folder").iterdir()) == [
+        "as_run.scenario.yaml",
         "log.npz",
-        "rectangle.scenario.yaml",
         "summary.json",
     ]
 

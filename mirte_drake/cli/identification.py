@@ -125,6 +125,7 @@ def validate(
     from mirte_drake.model.model_file import load_model
     from mirte_drake.visualization.identification_figures import (
         MAX_MODELS,
+        VALIDATION_FILES,
         save_validation_figures,
     )
 
@@ -144,7 +145,7 @@ def validate(
         name: {"pose_rmse": r.pose_rmse.tolist(), "velocity_rmse": r.velocity_rmse.tolist()}
         for name, r in results.items()
     }
-    with replacing_results(folder, ("summary.json", "validation_*")) as files:
+    with replacing_results(folder, ("summary.json", *VALIDATION_FILES)) as files:
         write_json(rmse, files / "summary.json")
         if not no_plots:
             save_validation_figures(

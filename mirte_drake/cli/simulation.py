@@ -31,7 +31,7 @@ def simulate(
     Writes summary.json, log.npz, the scenario as it was run, and figures as PDF, SVG and PNG.
     """
     from mirte_drake.files import replacing_results
-    from mirte_drake.run import save_run
+    from mirte_drake.run import RUN_FILES, save_run
     from mirte_drake.run import simulate as run_scenario
     from mirte_drake.scenario import load_scenario, scenario_stem
     from mirte_drake.visualization.figures import FIGURE_FILES, save_figures
@@ -41,8 +41,7 @@ def simulate(
     scenario = load_scenario(name, overrides)
     stem = scenario_stem(name)
     folder = output or Path("runs") / stem
-    owned = ("log.npz", "summary.json", "*.scenario.yaml", *FIGURE_FILES)
-    with replacing_results(folder, owned) as results:
+    with replacing_results(folder, (*RUN_FILES, *FIGURE_FILES)) as results:
         with click.progressbar(length=scenario.steps, label=stem, file=sys.stderr) as bar:
             run = run_scenario(scenario, stem, on_sample=lambda: bar.update(1))
         summary = save_run(run, results)

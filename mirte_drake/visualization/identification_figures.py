@@ -13,6 +13,7 @@ from mirte_drake.vectors import WHEELS, YAW
 from mirte_drake.visualization.style import (
     BACKGROUND,
     FOREGROUND,
+    FORMATS,
     MEASURED,
     PREDICTED,
     Line,
@@ -20,6 +21,10 @@ from mirte_drake.visualization.style import (
 )
 
 MAX_MODELS = len(PREDICTED)  # That lines tell apart in black and white.
+
+VALIDATION_FILES = tuple(
+    f"validation_{what}.{suffix}" for what in ("pose", "velocity") for suffix in FORMATS
+)
 
 Predictions = Mapping[str, np.ndarray]  # One array (N, 3) per model, by its name.
 Curve = tuple[str, np.ndarray, Line]  # Label, values (N, 3), style.
