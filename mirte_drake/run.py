@@ -106,10 +106,10 @@ def summarise(run: Run) -> dict[str, object]:
     log, limit = run.log, run.scenario.input_limit
     error = pose_error(log["pose"], log["reference"])
     rmse = np.sqrt(np.mean(error**2, axis=0))
-    tube_error = np.abs(pose_error(log["pose"], log["nominal_pose"]))
+    deviation = pose_error(log["pose"], log["nominal_pose"])
     successor_error = np.abs(pose_error(log["pose"][1:], log["nominal_next"][:-1]))
     # What the ancillary law asked for: what is applied has been saturated.
-    correction = np.einsum("kij,kj->ki", log["gain"], pose_error(log["pose"], log["nominal_pose"]))
+    correction = np.einsum("kij,kj->ki", log["gain"], deviation)
     stopping = log["status"][:, None] == SolveStatus.STOPPING
     asked = log["nominal_input"] - np.where(stopping, 0.0, correction)
     moves = np.abs(np.diff(log["nominal_input"], axis=0, prepend=0.0))
@@ -124,7 +124,7 @@ def summarise(run: Run) -> dict[str, object]:
         "solve_time_ms": {"p50": p50, "p99": p99, "max": slowest},
         "solver": run.scenario.nominal_nmpc.solver,
         "solve_failures": _count(log["status"] != SolveStatus.SOLVED),
-        "tube_violations": _count(tube_error > log["half_width"] + ROUNDING),
+        "tube_violations": _count(np.abs(deviation) > log["half_width"] + ROUNDING),
         "successor_violations": _count(successor_error > log["half_width"][1:] + ROUNDING),
         "input_violations": _count(np.abs(asked) > limit + ROUNDING),
         "rate_violations": _count(moves > run.rate_limit + RATE_TOLERANCE),

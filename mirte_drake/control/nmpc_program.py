@@ -85,7 +85,7 @@ class NmpcProgram:
         )
         self._program.AddCost(self._evaluate, vars=y)
         self._solver = SnoptSolver() if solver == "snopt" else IpoptSolver()
-        self._options = _options(solver, self._solver.solver_id(), tolerance, time_limit, y.size)
+        self._options = _options(solver, self._solver.solver_id(), tolerance, y.size)
 
     def solve(self, data: TrackingData, guess: np.ndarray) -> NmpcSolution:
         """Solves the problem of one sample.
@@ -148,7 +148,8 @@ class NmpcProgram:
 
     def _cost(self, y: np.ndarray) -> object:
         self._evaluations += 1
-        if time.perf_counter() > self._deadline:  # SNOPT looks at its own limit too rarely.
+        # The solvers' own limits are looked at too rarely (SNOPT) or once per iteration (IPOPT).
+        if time.perf_counter() > self._deadline:
             raise RuntimeError(self._time_limit_message)
         assert self._data is not None
         if y.dtype == object:
@@ -170,21 +171,15 @@ def shift(problem: TrackingProblem, initial_state: np.ndarray, inputs: np.ndarra
     return join(initial_state, np.vstack([inputs[1:], inputs[-1:]]))
 
 
-def _options(
-    solver: str, solver_id: object, tolerance: float, time_limit: float, size: int
-) -> SolverOptions:
+def _options(solver: str, solver_id: object, tolerance: float, size: int) -> SolverOptions:
     options = SolverOptions()
     if solver == "snopt":
-        settings: dict[str, object] = {
-            "Major optimality tolerance": tolerance,
-            "Time limit": time_limit,
-        }
+        settings: dict[str, object] = {"Major optimality tolerance": tolerance}
     else:
         settings = {
             "tol": tolerance,
             "acceptable_tol": tolerance,  # A loose one returns bad points as success.
             "limited_memory_max_history": size,
-            "max_wall_time": time_limit,
             "print_level": 0,
         }
     for name, value in settings.items():

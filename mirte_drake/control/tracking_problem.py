@@ -128,15 +128,10 @@ def stage_references(problem: TrackingProblem, data: TrackingData) -> np.ndarray
     return reference
 
 
-def cost(problem: TrackingProblem, data: TrackingData, z: np.ndarray) -> float:
-    """Returns the cost (4-9) of a decision vector."""
-    return cost_and_gradient(problem, data, z)[0]
-
-
 def cost_and_gradient(
     problem: TrackingProblem, data: TrackingData, z: np.ndarray
 ) -> tuple[float, np.ndarray]:
-    """Returns the cost and its gradient (size,), by one backward (adjoint) sweep."""
+    """Returns the cost (4-9) and its gradient (size,), by one backward (adjoint) sweep."""
     model = problem.model
     x0, inputs = split(problem, z)
     states = model.roll_out(x0, inputs, problem.period)

@@ -49,6 +49,7 @@ def regression_problem(
         tvr: Settings of the differentiation.
 
     Raises:
+        UserError: when a state does not move, or a candidate term does not occur.
         ValueError: for an unknown kind or mode.
     """
     structure = model_structure(kind)
@@ -71,6 +72,15 @@ def regression_problem(
         for state, names in structure.candidates.items()
     }
     columns = dict(zip(structure.candidates, derivative.T, strict=True))
+    for state, names in structure.candidates.items():
+        if not np.any(columns[state]):
+            raise UserError(f"{run.source}: {state} does not move; record more motion")
+        seen = np.any(terms[state], axis=0)
+        unseen = [name for name, is_seen in zip(names, seen, strict=True) if not is_seen]
+        if unseen:
+            raise UserError(
+                f"{run.source}: {', '.join(unseen)} is zero in all samples; record more motion"
+            )
     return Regression(structure, terms, columns)
 
 
@@ -105,13 +115,6 @@ def identify(
     derivatives, scores = dict(structure.known), {}
     for state, names in structure.candidates.items():
         Theta, y = problem.terms[state], problem.derivatives[state]
-        if not np.any(y):
-            raise UserError(f"{run.source}: {state} does not move; record more motion")
-        unseen = [name for name, column in zip(names, Theta.T, strict=True) if not column.any()]
-        if unseen:
-            raise UserError(
-                f"{run.source}: {', '.join(unseen)} is zero in all samples; record more motion"
-            )
         xi = stlsq(Theta, y, thresholds[state], regression)
         table = {name: float(c) for name, c in zip(names, xi, strict=True) if c != 0.0}
         if not table:
@@ -162,10 +165,13 @@ def search_thresholds(
         grid: Thresholds to try.
     """
     problem = regression_problem(run, kind, mode)
-    tables = {
-        state: threshold_table(problem.terms[state], problem.derivatives[state], grid)
-        for state in problem.structure.candidates
-    }
+    try:
+        tables = {
+            state: threshold_table(problem.terms[state], problem.derivatives[state], grid)
+            for state in problem.structure.candidates
+        }
+    except ValueError as error:  # A term that occurs in the held-out part alone.
+        raise UserError(f"{run.source}: {error} fitted; record more motion") from None
     best = {state: best_threshold(rows, criterion).threshold for state, rows in tables.items()}
     return best, tables
 

@@ -65,6 +65,6 @@ def write_figures(figures: Mapping[str, Callable[[], Figure]], folder: Path) -> 
                 path = folder / f"{name}.{suffix}"
                 metadata = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(suffix)
                 with replacing(path) as temporary:
-                    figure.savefig(temporary, dpi=200, metadata=metadata)
+                    figure.savefig(temporary, dpi=200, metadata=metadata, bbox_inches="tight")
                 paths.append(path)
     return paths

@@ -7,7 +7,6 @@ from pydrake.autodiffutils import InitializeAutoDiff
 from mirte_drake.control.dlqr import steady_input
 from mirte_drake.control.tracking_problem import (
     bounds,
-    cost,
     cost_and_gradient,
     gauss_newton_hessian,
     join,
@@ -17,6 +16,10 @@ from mirte_drake.control.tracking_problem import (
     stage_references,
 )
 from mirte_drake.model.model_file import load_model
+
+
+def cost(problem, data, z) -> float:
+    return cost_and_gradient(problem, data, z)[0]
 
 
 @pytest.fixture(params=[False, True], ids=["published", "aligned"])

@@ -1,3 +1,4 @@
+import dataclasses as dc
 import math
 import subprocess
 import sys
@@ -154,9 +155,18 @@ def still_run() -> RecordedRun:
     return RecordedRun(0.1 * np.arange(n), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 4)))
 
 
-def test_a_recording_without_motion_is_a_user_error():
+@pytest.mark.parametrize("use", [identify, search_thresholds])
+def test_a_recording_without_motion_is_a_user_error(use):
     with pytest.raises(UserError, match="record more motion"):
-        identify(still_run(), "kinematic")
+        use(still_run(), "kinematic")
+
+
+def test_a_wheel_that_rests_while_thresholds_are_fitted_is_a_user_error(training):
+    """It moves in the held-out end of the run alone."""
+    command = training.wheel_command.copy()
+    command[:700, 2] = 0.0
+    with pytest.raises(UserError, match="record more motion"):
+        search_thresholds(dc.replace(training, wheel_command=command), "kinematic")
 
 
 def test_a_threshold_that_leaves_nothing_is_a_user_error(training):
