@@ -179,37 +179,27 @@ def _step_length(z: np.ndarray, change: np.ndarray) -> float:
 def _solve_normal_equations(weight: np.ndarray, rhs: np.ndarray, dt: float) -> np.ndarray:
     """Returns s with (A' A + D' diag(weight) D) s = rhs, D the plain difference, in O(N).
 
-    A' A is full, but with the integral w = A s and the adjoint p, where p_i - p_{i+1} = w_i, all
-    equations couple neighbours only:
+    A' A is full. But the integral w = A s adds up cells, w_i - w_{i-1} = (C s)_i, and so does the
+    adjoint p, w_i = p_i - p_{i+1}, so that all equations couple neighbours only:
 
-        D' diag(weight) D s + C' p = rhs,   w_i - w_{i-1} = (C s)_i,   p_i - p_{i+1} = w_i
+        D' diag(weight) D s + C' p = rhs,   -p_{i-1} + 2 p_i - p_{i+1} = (C s)_i
 
-    with C s the integral over one cell. Interleaved as s_0, p_1, w_1, s_1, p_2, ... the matrix
-    has three diagonals on each side.
+    Interleaved as s_0, p_1, s_1, p_2, ... the matrix has two diagonals on each side.
     """
     n = len(weight)
-    bands = np.zeros((7, 3 * n + 1))
-
-    def enter(row: np.ndarray, column: np.ndarray, value: np.ndarray | float) -> None:
-        bands[3 + row - column, column] = value
-
-    i = np.arange(1, n + 1)
-    s, p, w = 3 * np.arange(n + 1), 3 * i - 2, 3 * i - 1
-    diagonal = np.zeros(n + 1)
-    diagonal[:-1] += weight
-    diagonal[1:] += weight
-    enter(s, s, diagonal)
-    enter(s[:-1], s[1:], -weight)
-    enter(s[1:], s[:-1], -weight)
-    enter(s[:-1], p, dt / 2)
-    enter(s[1:], p, dt / 2)
-    enter(p, w, 1.0)  # Row p holds the integral over cell i.
-    enter(p[1:], w[:-1], -1.0)
-    enter(p, s[:-1], -dt / 2)
-    enter(p, s[1:], -dt / 2)
-    enter(w, p, 1.0)  # Row w holds the adjoint's recursion.
-    enter(w[:-1], p[1:], -1.0)
-    enter(w, w, -1.0)
-    right = np.zeros(3 * n + 1)
-    right[s] = rhs
-    return solve_banded((3, 3), bands, right, overwrite_ab=True, overwrite_b=True)[s]
+    # Row 2 + r - c of the bands holds the entry at row r and column c; even columns are s.
+    bands = np.zeros((5, 2 * n + 1))
+    bands[2, 0:-2:2] += weight
+    bands[2, 2::2] += weight
+    bands[0, 2::2] = bands[4, 0:-2:2] = -weight
+    bands[1, 1::2] = bands[3, 1::2] = dt / 2  # C' p in the rows of s.
+    bands[1, 2::2] = bands[3, 0:-2:2] = -dt / 2  # -C s in the rows of p.
+    bands[2, 1::2] = 2.0
+    bands[2, 1] = 1.0  # w_0 = 0.
+    bands[0, 3::2] = bands[4, 1:-2:2] = -1.0
+    right = np.zeros(2 * n + 1)
+    right[::2] = rhs
+    solution = solve_banded(
+        (2, 2), bands, right, overwrite_ab=True, overwrite_b=True, check_finite=False
+    )
+    return solution[::2]
