@@ -12,4 +12,6 @@ class RobotPorts:
     wheel_command: InputPort  # (4,) [pwm] front left, front right, rear right, rear left.
     pose: OutputPort  # (3,) [m, m, rad] measured pose, world frame, yaw unwrapped.
     body_velocity: OutputPort  # (3,) [m/s, m/s, rad/s] measured velocity.
+    # (3,) [m, m, rad] where the robot really is; None where nobody can know.
+    true_pose: OutputPort | None = None
     disturbance: InputPort | None = None  # (3,) [m/s, m/s, rad/s], body frame; simulated only.

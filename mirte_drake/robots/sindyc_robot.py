@@ -155,6 +155,7 @@ def AddSindycRobot(
     return RobotPorts(
         wheel_command=robot.GetInputPort("wheel_command"),
         pose=robot.GetOutputPort("pose"),
+        true_pose=robot.GetOutputPort("pose"),
         body_velocity=robot.GetOutputPort("body_velocity"),
         disturbance=robot.GetInputPort("disturbance"),
     )
