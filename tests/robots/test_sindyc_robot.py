@@ -261,7 +261,7 @@ def test_add_names_the_system_and_returns_its_ports():
     dut = builder.Build().GetSubsystemByName("mirte")
     assert isinstance(dut, SindycRobot)
     for name, port in vars(ports).items():
-        assert port.get_name() == name
+        assert port.get_name() == name.removeprefix("true_")
         assert port.get_system() is dut
 
 
