@@ -22,10 +22,7 @@ from mirte_drake.systems.nominal_nmpc import NominalNmpc
 from mirte_drake.typed_yaml import write_typed
 from mirte_drake.vectors import POSE
 
-# Room for rounding where the controller meets a bound exactly, and for the solvers' tolerance on
-# the rate constraints [pwm].
-ROUNDING = 1e-9
-RATE_TOLERANCE = 1e-5
+ROUNDING = 1e-9  # [m, rad, pwm] Where the controller meets a bound exactly.
 
 RUN_FILES = ("log.npz", "summary.json", "as_run.scenario.yaml")
 
@@ -123,11 +120,13 @@ def summarise(run: Run) -> dict[str, object]:
         "rmse": dict(zip(("x_m", "y_m", "yaw_rad"), rmse, strict=True)),
         "solve_time_ms": {"p50": p50, "p99": p99, "max": slowest},
         "solver": run.scenario.nominal_nmpc.solver,
-        "solve_failures": _count(log["status"] != SolveStatus.SOLVED),
+        "solve_failures": _count(np.isin(log["status"], [s for s in SolveStatus if s.failed])),
+        "rate_relaxations": _count(log["status"] == SolveStatus.RELAXED),
+        "early_solves": _count(log["status"] == SolveStatus.EARLY),
         "tube_violations": _count(np.abs(deviation) > log["half_width"] + ROUNDING),
         "successor_violations": _count(successor_error > log["half_width"][1:] + ROUNDING),
         "input_violations": _count(np.abs(asked) > limit + ROUNDING),
-        "rate_violations": _count(moves > run.rate_limit + RATE_TOLERANCE),
+        "rate_violations": _count(moves > run.rate_limit + ROUNDING),
         "versions": versions(),
     }
 

@@ -10,7 +10,7 @@ from pydrake.systems.analysis import Simulator
 from mirte_drake.angles import pose_error
 from mirte_drake.assembly import MakeDiagram
 from mirte_drake.control.dlqr import design_dlqr
-from mirte_drake.control.nmpc_program import NmpcProgram
+from mirte_drake.control.realtime_nmpc import RealtimeNmpc
 from mirte_drake.control.tracking_problem import cost_and_gradient
 from mirte_drake.control.tube import rotated_bound
 from mirte_drake.errors import UserError
@@ -108,13 +108,13 @@ def test_no_sample_is_lost_between_measurement_and_command():
 @pytest.mark.parametrize("period", [0.1, 0.07, 1 / 3])
 def test_exactly_one_solve_per_sample(period, monkeypatch):
     solved = []
-    solve = NmpcProgram.solve
+    solve = RealtimeNmpc.solve
 
     def counted(self, data, guess):
         solved.append(data.state.copy())
         return solve(self, data, guess)
 
-    monkeypatch.setattr(NmpcProgram, "solve", counted)
+    monkeypatch.setattr(RealtimeNmpc, "solve", counted)
     overrides = [f"period={period}", f"duration={12 * period}"]
     log = simulate(load_scenario("rectangle", overrides), "rectangle").log
     np.testing.assert_allclose(log["time"], period * np.arange(13), atol=1e-12)
@@ -132,14 +132,14 @@ def test_with_robot_settings_the_limiter_stands_between_law_and_wheels(name):
 
 def test_a_stop_reaches_rest_through_deadband_and_rounding(monkeypatch):
     """Rounding up again must not keep the ramp from going on."""
-    solve = NmpcProgram.solve
+    solve = RealtimeNmpc.solve
     count = itertools.count()
 
     def failing(self, data, guess):
         solution = solve(self, data, guess)
         return dc.replace(solution, success=next(count) < 30, message="broken on purpose")
 
-    monkeypatch.setattr(NmpcProgram, "solve", failing)
+    monkeypatch.setattr(RealtimeNmpc, "solve", failing)
     overrides = ["nominal_nmpc.rate_limit=4", "duration=12", "wheel_command_limiter.deadband=0"]
     log = simulate(load_scenario("robot_rectangle", overrides), "robot").log
     assert np.all(np.diff(np.abs(log["applied_input"][34:]), axis=0) <= 0)
@@ -157,7 +157,7 @@ def test_ctrl_c_ends_the_run(monkeypatch):
 
     monkeypatch.setattr("mirte_drake.control.nmpc_program.cost_and_gradient", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        simulate(load_scenario("rectangle"), "rectangle")
+        simulate(load_scenario("rectangle", ["nominal_nmpc.solver=snopt"]), "rectangle")
 
 
 def test_bounds_that_outrun_the_rate_limit_stop_nobody():
@@ -229,6 +229,8 @@ def test_summary_has_the_contract_keys_and_counts_by_hand():
         "solve_time_ms",
         "solver",
         "solve_failures",
+        "rate_relaxations",
+        "early_solves",
         "tube_violations",
         "successor_violations",
         "input_violations",
@@ -289,7 +291,7 @@ def test_a_folder_that_is_a_file_is_a_user_error(tmp_path):
 
 def test_a_failing_solver_stops_the_robot_and_is_counted():
     """No solve can meet this limit: the run goes on, the wheels stay at rest."""
-    run = short_run("nominal_nmpc.time_limit=1e-9")
+    run = short_run("nominal_nmpc.solver=snopt", "nominal_nmpc.time_limit=1e-9")
     summary = summarise(run)
     assert summary["solve_failures"] == summary["steps"] == 41
     assert np.all(run.log["applied_input"] == 0)

@@ -5,7 +5,7 @@ import functools
 import numpy as np
 import pytest
 
-from mirte_drake.control.nmpc_program import NmpcProgram
+from mirte_drake.control.nmpc_solver import make_nmpc_solver
 from mirte_drake.control.reference_paths import window
 from mirte_drake.control.tracking_problem import TrackingData, join
 from mirte_drake.model.model_file import load_model
@@ -105,7 +105,7 @@ def test_snopt_and_ipopt_agree_on_logged_problems():
         for problem, data, guess in logged_problems(name, count):
             for solver in ("snopt", "ipopt"):
                 if solver not in programs:
-                    programs[solver] = NmpcProgram(problem, solver=solver)
+                    programs[solver] = make_nmpc_solver(problem, solver)
             snopt, ipopt = (programs[s].solve(data, guess) for s in ("snopt", "ipopt"))
             assert snopt.success, snopt.message
             assert ipopt.success, ipopt.message

@@ -3,10 +3,14 @@
 import dataclasses as dc
 
 import numpy as np
-from pydrake.math import DiscreteAlgebraicRiccatiEquation
 
-from mirte_drake.model.sparse_model import SparseModel
+from mirte_drake.control.riccati import is_positive_definite, solve_dare
+from mirte_drake.model.prediction_model import PredictionModel
+from mirte_drake.model.term_table import dense
 from mirte_drake.vectors import POSE, YAW
+
+
+LARGEST_RESIDUAL = 1e-9  # Of the Riccati equation, relative to P.
 
 
 @dc.dataclass(frozen=True)
@@ -28,6 +32,8 @@ def solve_dlqr(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns the infinite-horizon gain K (4-14) and Riccati matrix P (4-13).
 
+    Every result is checked: its residual in (4-13), and that A - B K is stable.
+
     Args:
         A: (n, n) discrete-time system.
         B: (n, m)
@@ -38,21 +44,24 @@ def solve_dlqr(
         ValueError: when a matrix is not finite, a weight is not symmetric and positive definite,
             or (A, B) cannot be stabilised.
     """
+    A, B, Q, R = dense(A), dense(B), dense(Q), dense(R)
+    K, P, residual, stable = solve_dare(A, B, Q, R)
+    if stable and residual <= LARGEST_RESIDUAL and (Q == Q.T).all() and (R == R.T).all():
+        if is_positive_definite(Q) and is_positive_definite(R):
+            return K, P
     if not all(np.all(np.isfinite(matrix)) for matrix in (A, B, Q, R)):
         raise ValueError("DLQR: a matrix is not finite")
     for name, weight in (("Q", Q), ("R", R)):
         if np.any(weight != weight.T) or np.linalg.eigvalsh(weight)[0] <= 0:
             raise ValueError(f"DLQR: {name} must be symmetric and positive definite")
     check_stabilisable(A, B)
-    P = DiscreteAlgebraicRiccatiEquation(A, B, Q, R)
-    K = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
-    return K, P
+    raise ValueError(f"DLQR: no accurate solution: relative residual {residual:.3g}")
 
 
 def check_stabilisable(A: np.ndarray, B: np.ndarray, tolerance: float = 1e-9) -> None:
     """Checks by the Popov-Belevitch-Hautus test that every unstable mode can be moved.
 
-    Drake's Riccati solver ends the process on such a pair, so the test comes first.
+    It names what ``solve_dlqr`` only finds to be unsolvable.
 
     Raises:
         ValueError: naming the mode that no input reaches.
@@ -70,7 +79,12 @@ def check_stabilisable(A: np.ndarray, B: np.ndarray, tolerance: float = 1e-9) ->
 
 
 def design_dlqr(
-    model: SparseModel, x: np.ndarray, u: np.ndarray, period: float, Q: np.ndarray, R: np.ndarray
+    model: PredictionModel,
+    x: np.ndarray,
+    u: np.ndarray,
+    period: float,
+    Q: np.ndarray,
+    R: np.ndarray,
 ) -> DlqrDesign:
     """Returns the DLQR at a nominal state (n,) and input (m,).
 
@@ -83,7 +97,7 @@ def design_dlqr(
     return DlqrDesign(float(x[YAW]), K, A_k - B_k @ K)
 
 
-def steady_input(model: SparseModel, velocity: np.ndarray) -> np.ndarray:
+def steady_input(model: PredictionModel, velocity: np.ndarray) -> np.ndarray:
     """Returns an input (m,) that drives at a velocity (3,) at yaw 0.
 
     Newton's method with the pseudo-inverse; velocity [m/s, m/s, rad/s].
@@ -104,7 +118,7 @@ def steady_input(model: SparseModel, velocity: np.ndarray) -> np.ndarray:
 
 
 def straight_line_terminal_weight(
-    model: SparseModel, period: float, Q: np.ndarray, R: np.ndarray, speed: float = 0.1
+    model: PredictionModel, period: float, Q: np.ndarray, R: np.ndarray, speed: float = 0.1
 ) -> np.ndarray:
     """Returns the Riccati matrix P (n, n) of steady forward driving at yaw 0 (section 4-2).
 

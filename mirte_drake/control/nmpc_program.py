@@ -1,6 +1,5 @@
 """The optimal control problem (4-9) as a MathematicalProgram for SNOPT and IPOPT."""
 
-import dataclasses as dc
 import time
 
 import numpy as np
@@ -13,32 +12,19 @@ from pydrake.solvers import (
     SolverOptions,
 )
 
+from mirte_drake.control.nmpc_solution import NmpcSolution
 from mirte_drake.control.tracking_problem import (
+    PosedProblem,
     TrackingData,
     TrackingProblem,
-    bounds,
     cost_and_gradient,
     gauss_newton_hessian,
-    join,
-    rate_bounds,
+    pose,
     rate_matrix,
     split,
 )
 
-SOLVERS = ("snopt", "ipopt")
-
-
-@dc.dataclass(frozen=True)
-class NmpcSolution:
-    """What one solve gave; ``success`` tells whether the rest may be used."""
-
-    success: bool
-    message: str  # Empty on success, else the reason.
-    initial_state: np.ndarray  # (n,) xhat_k.
-    inputs: np.ndarray  # (N, m) [pwm]
-    cost: float
-    iterations: int  # Evaluations of cost and gradient.
-    solve_time: float  # [s] wall clock.
+BY_PROGRAM = ("snopt", "ipopt")
 
 
 class NmpcProgram:
@@ -63,12 +49,8 @@ class NmpcProgram:
             solver: "snopt" or "ipopt".
             tolerance: Optimality tolerance of the solver.
             time_limit: [s] A solve that takes longer has failed.
-
-        Raises:
-            ValueError: for an unknown solver.
         """
-        if solver not in SOLVERS:
-            raise ValueError(f"solver: must be one of {', '.join(SOLVERS)}, got {solver!r}")
+        assert solver in BY_PROGRAM
         self._problem, self._time_limit, self._deadline = problem, time_limit, np.inf
         self._time_limit_message = f"time limit of {time_limit} s exceeded"
         self._data: TrackingData | None = None
@@ -87,6 +69,9 @@ class NmpcProgram:
         self._solver = SnoptSolver() if solver == "snopt" else IpoptSolver()
         self._options = _options(solver, self._solver.solver_id(), tolerance, y.size)
 
+    def prepare(self, guess: np.ndarray) -> None:
+        """These solvers have nothing to prepare."""
+
     def solve(self, data: TrackingData, guess: np.ndarray) -> NmpcSolution:
         """Solves the problem of one sample.
 
@@ -97,45 +82,54 @@ class NmpcProgram:
         start = time.perf_counter()
         self._interrupted = False
         self._evaluations, self._deadline = 0, start + self._time_limit
-        lower, upper = bounds(data)
-        message, z, value = "measurement or problem data not finite", guess, np.nan
-        if data.is_finite() and np.all(np.isfinite(guess)):
-            try:
-                result = self._solve(data, np.clip(guess, lower, upper), lower, upper)
-            except (ValueError, RuntimeError) as error:  # LinAlgError is a ValueError.
-                if self._interrupted:  # SNOPT makes a failed solve of Ctrl-C.
-                    raise KeyboardInterrupt from None
-                message = f"solver broke off: {error}"
-            else:
-                z, value = self._scaling @ result.get_x_val(), result.get_optimal_cost()
-                message = "" if result.is_success() else _reason(result)
-                if not np.all(np.isfinite(z)):
-                    message = message or "solution not finite"
+        z, posed, value, message = guess, None, np.nan, ""
+        try:
+            if not np.all(np.isfinite(guess)):
+                raise ValueError("guess not finite")
+            posed = pose(self._problem, data)
+            result = self._solve(posed, guess)
+        except (ValueError, RuntimeError) as error:  # LinAlgError is a ValueError.
+            if self._interrupted:  # SNOPT makes a failed solve of Ctrl-C.
+                raise KeyboardInterrupt from None
+            message = str(error)
+        else:
+            value, message = result.get_optimal_cost(), _reason(result)
+            # Solvers meet bounds within their tolerance; the tube and the input set exactly.
+            z = posed.project(self._scaling @ result.get_x_val())
         solve_time = time.perf_counter() - start
         if solve_time > self._time_limit:
             message = self._time_limit_message
-        # Solvers meet bounds within their tolerance; the tube and the input set ask for exactly.
-        x0, inputs = split(self._problem, np.clip(z, lower, upper))
-        return NmpcSolution(not message, message, x0, inputs, value, self._evaluations, solve_time)
+        x0, inputs = split(self._problem, z)
+        states = self._problem.model.roll_out(x0, inputs, self._problem.period)
+        if not np.all(np.isfinite(states)):
+            message = message or "solution not finite"
+        return NmpcSolution(
+            success=not message,
+            message=message or (posed.note if posed else ""),
+            states=states,
+            inputs=inputs,
+            cost=value,
+            iterations=self._evaluations,
+            solve_time=solve_time,
+            relaxed=posed is not None and posed.relaxed,
+        )
 
-    def _solve(
-        self, data: TrackingData, guess: np.ndarray, lower: np.ndarray, upper: np.ndarray
-    ) -> MathematicalProgramResult:
+    def _solve(self, posed: PosedProblem, guess: np.ndarray) -> MathematicalProgramResult:
         """Solves in scaled variables y, with z = L y and L L' the inverse Gauss-Newton Hessian.
 
         The cost is then nearly |y|^2 / 2, and the quasi-Newton solvers need ten evaluations where
         they took two hundred in z.
         """
-        self._data = data
-        factor = np.linalg.cholesky(gauss_newton_hessian(self._problem, data, guess))
+        self._data = posed.data
+        guess = posed.project(guess)
+        factor = np.linalg.cholesky(gauss_newton_hessian(self._problem, guess))
         self._scaling = np.linalg.inv(factor).T
         if not np.all(np.isfinite(self._scaling)):  # Drake ends the process on such coefficients.
             raise ValueError("problem too badly scaled")
-        rate_lower, rate_upper = rate_bounds(self._problem, data)
         self._constraint.evaluator().UpdateCoefficients(
             np.vstack([self._scaling, self._rate_matrix @ self._scaling]),
-            np.concatenate([lower, rate_lower]),
-            np.concatenate([upper, rate_upper]),
+            posed.least,
+            posed.most,
         )
         return self._solver.Solve(self._program, factor.T @ guess, self._options)
 
@@ -159,18 +153,6 @@ class NmpcProgram:
         return cost_and_gradient(self._problem, self._data, self._scaling @ y)[0]
 
 
-def shift(problem: TrackingProblem, initial_state: np.ndarray, inputs: np.ndarray) -> np.ndarray:
-    """Returns a plan moved on by one sample, the last input repeated, as decision vector.
-
-    Args:
-        problem: The problem.
-        initial_state: (n,) the state after the plan's first sample.
-        inputs: (N, m) the plan's inputs.
-    """
-    assert len(inputs) == problem.horizon
-    return join(initial_state, np.vstack([inputs[1:], inputs[-1:]]))
-
-
 def _options(solver: str, solver_id: object, tolerance: float, size: int) -> SolverOptions:
     options = SolverOptions()
     if solver == "snopt":
@@ -188,4 +170,7 @@ def _options(solver: str, solver_id: object, tolerance: float, size: int) -> Sol
 
 
 def _reason(result: MathematicalProgramResult) -> str:
+    """Returns why a solve failed, or nothing."""
+    if result.is_success():
+        return ""
     return f"{result.get_solver_id().name()}: {result.get_solution_result().name}"

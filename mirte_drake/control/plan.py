@@ -5,9 +5,9 @@ import enum
 
 import numpy as np
 
-from mirte_drake.control.nmpc_program import NmpcSolution, shift
+from mirte_drake.control.nmpc_solution import NmpcSolution
 from mirte_drake.control.reference_paths import slew
-from mirte_drake.control.tracking_problem import TrackingData, TrackingProblem, split
+from mirte_drake.control.tracking_problem import TrackingData, TrackingProblem, shift, split
 
 MAX_SHIFTS = 3
 
@@ -18,6 +18,13 @@ class SolveStatus(enum.IntEnum):
     SOLVED = 0  # From the solver.
     SHIFTED = 1  # The solve failed: the previous plan, moved on by one sample.
     STOPPING = 2  # More than MAX_SHIFTS in a row failed: the wheels ramp to zero.
+    RELAXED = 3  # From the solver; a move is faster than the rate limit, as the bounds ask.
+    EARLY = 4  # From the solver, before it reached the optimum: its best iterate.
+
+    @property
+    def failed(self) -> bool:
+        """Whether the plan is not of the solver."""
+        return self in (SolveStatus.SHIFTED, SolveStatus.STOPPING)
 
 
 @dc.dataclass(frozen=True)
@@ -29,7 +36,7 @@ class Plan:
 
     sample: int  # Number of the solve, from 0; -1 before the first.
     status: SolveStatus
-    message: str  # Why the solve failed, or empty.
+    message: str  # Why the solve failed or what it gave up, or empty.
     states: np.ndarray  # (N + 1, n) xhat_k, xbar_{k+1}, ...
     inputs: np.ndarray  # (N, m) [pwm]
     data: TrackingData  # What was solved.
@@ -37,6 +44,10 @@ class Plan:
     cost: float = np.nan
     iterations: int = 0
     solve_time: float = 0.0  # [s]
+
+    def __deepcopy__(self, memo: dict) -> "Plan":
+        """Returns itself: Drake copies the state at every update, and a plan never changes."""
+        return self
 
     @property
     def nominal_state(self) -> np.ndarray:
@@ -92,8 +103,9 @@ def next_plan(
         applied_input: (m,) [pwm] what the wheels were last told.
     """
     failures = 0 if solution.success else previous.failures + 1
+    states = None
     if solution.success:
-        status, x0, inputs = SolveStatus.SOLVED, solution.initial_state, solution.inputs
+        status, states, inputs = _status(solution), solution.states, solution.inputs
     elif failures <= MAX_SHIFTS and previous.status is not SolveStatus.STOPPING:
         status = SolveStatus.SHIFTED
         x0, inputs = split(problem, warm_start(problem, previous, data.state))
@@ -104,11 +116,13 @@ def next_plan(
         # Once begun, the ramp goes on from itself: what is applied may be rounded up again.
         begun = previous.status is SolveStatus.STOPPING and previous.sample >= 0
         inputs = _ramp_to_zero(problem, previous.nominal_input if begun else applied_input)
+    if states is None:
+        states = problem.model.roll_out(x0, inputs, problem.period)
     return Plan(
         previous.sample + 1,
         status,
         solution.message,
-        problem.model.roll_out(x0, inputs, problem.period),
+        states,
         inputs,
         data,
         failures,
@@ -116,6 +130,12 @@ def next_plan(
         solution.iterations,
         solution.solve_time,
     )
+
+
+def _status(solution: NmpcSolution) -> SolveStatus:
+    if solution.relaxed:
+        return SolveStatus.RELAXED
+    return SolveStatus.EARLY if solution.early else SolveStatus.SOLVED
 
 
 def _ramp_to_zero(problem: TrackingProblem, applied_input: np.ndarray) -> np.ndarray:

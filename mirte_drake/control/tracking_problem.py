@@ -5,19 +5,27 @@ over each sample. States follow by zero-order hold (RK4); the problem is
 
     min  sum_{i=0}^{N-1} |x_{i+1} - r_i|_Q^2 + |u_i|_R^2 + |u_i - u_{i-1}|_Rd^2
          + |x_N - r_{N-1}|_P^2
-    s.t. |x_k - x0| <= d_k,   lower_i <= u_i <= upper_i,   |u_i - u_{i-1}| <= rate_limit
+    s.t. |x_k - x0| <= d_k,   lower_i <= u_i <= upper_i,   |u_i - u_{i-1}| <= rate_i
 
 with u_{-1} the last nominal input. Costs are summed without the factor 1/2 and the last state
 bears stage and terminal cost, as in the published programs.
+
+A solution always exists. rate_i is the rate limit but where bounds contradict it: the bounds keep
+the inputs within what the wheels can do, so the rate gives way, by as little as possible. That is
+the slack s >= 0 with |u_i - u_{i-1}| <= rate_limit + s and the penalty w |s|_1 as w grows without
+limit; since each wheel is a chain of intervals it has a closed form, known before the solve, and
+every solver meets the same constraints.
 """
 
 import dataclasses as dc
+from typing import NamedTuple
 
 import numpy as np
 
-from mirte_drake.angles import unwrap_near
-from mirte_drake.model.sparse_model import SparseModel
-from mirte_drake.vectors import POSE, YAW
+from mirte_drake.control import tracking_kernels
+from mirte_drake.model.prediction_model import PredictionModel
+from mirte_drake.model.term_table import dense
+from mirte_drake.vectors import YAW
 
 
 @dc.dataclass(frozen=True)
@@ -28,7 +36,7 @@ class TrackingProblem:
     published alignment (False) builds in one sample of lag.
     """
 
-    model: SparseModel
+    model: PredictionModel
     period: float  # [s] T_s.
     horizon: int  # N_p.
     state_weight: np.ndarray  # (3, 3) Q, on the pose.
@@ -38,10 +46,21 @@ class TrackingProblem:
     rate_limit: np.ndarray  # (4,) [pwm_per_sample]
     aligned: bool = False
 
+    def __post_init__(self) -> None:
+        """Brings the arrays into the form that compiled code takes."""
+        for field in dc.fields(self):
+            if field.type is np.ndarray:
+                object.__setattr__(self, field.name, dense(getattr(self, field.name)))
+
     @property
     def size(self) -> int:
         """Length of the decision vector."""
         return self.model.num_states + self.horizon * self.model.num_inputs
+
+    @property
+    def weights(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Q, R, R_d and P."""
+        return self.state_weight, self.input_weight, self.rate_weight, self.terminal_weight
 
 
 @dc.dataclass(frozen=True)
@@ -55,28 +74,14 @@ class TrackingData:
     input_upper: np.ndarray  # (N, m) [pwm]
     previous_input: np.ndarray  # (m,) [pwm] last nominal input.
 
+    def __post_init__(self) -> None:
+        """Brings the arrays into the form that compiled code takes."""
+        for field in dc.fields(self):
+            object.__setattr__(self, field.name, dense(getattr(self, field.name)))
+
     def is_finite(self) -> bool:
         """Whether every number is finite."""
-        return all(np.all(np.isfinite(getattr(self, f.name))) for f in dc.fields(self))
-
-
-def reachable_bounds(
-    problem: TrackingProblem, lower: np.ndarray, upper: np.ndarray, previous_input: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Returns input bounds (N, m), widened where the rate limit keeps the input outside them.
-
-    Deviation: the source lets the tightened bounds move faster than the rate limit, and then no
-    input is feasible. Here the rate limit wins: a stage's bound reaches as far as full moves from
-    the last input towards it lead.
-
-    Args:
-        problem: The problem.
-        lower: (N, m) [pwm]
-        upper: (N, m) [pwm]
-        previous_input: (m,) [pwm]
-    """
-    reach = problem.rate_limit * np.arange(1, problem.horizon + 1)[:, None]
-    return np.minimum(lower, previous_input + reach), np.maximum(upper, previous_input - reach)
+        return all(map(tracking_kernels.all_finite, vars(self).values()))
 
 
 def split(problem: TrackingProblem, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -90,11 +95,77 @@ def join(x0: np.ndarray, inputs: np.ndarray) -> np.ndarray:
     return np.concatenate([x0, inputs.ravel()])
 
 
-def bounds(data: TrackingData) -> tuple[np.ndarray, np.ndarray]:
-    """Returns lower and upper bounds on the decision vector (4-10), (4-20)."""
+class PosedProblem(NamedTuple):
+    """The problem of one sample, ready to be solved; see ``pose``."""
+
+    data: TrackingData
+    references: np.ndarray  # (N, 3) poses that x_1, ..., x_N are compared with, yaw unwrapped.
+    lowest: np.ndarray  # (N, m) [pwm] the inputs from which all later bounds can be met.
+    highest: np.ndarray  # (N, m) [pwm]
+    rate: np.ndarray  # (N, m) [pwm_per_sample] bound on |u_i - u_{i-1}|.
+    relaxed: bool  # Whether a rate is above the limit.
+    least: np.ndarray  # (n + 2 N m,) bounds on [z; D z], (4-10) and (4-20).
+    most: np.ndarray
+
+    @property
+    def note(self) -> str:
+        """What was given up, or nothing."""
+        return f"bounds ask for a move of {self.rate.max():.4g} pwm" if self.relaxed else ""
+
+    def project(self, z: np.ndarray) -> np.ndarray:
+        """Returns the decision vector near z that meets every constraint exactly."""
+        return tracking_kernels.project_all(
+            z,
+            self.least,
+            self.most,
+            self.data.previous_input,
+            self.lowest,
+            self.highest,
+            self.rate,
+        )
+
+
+def pose(problem: TrackingProblem, data: TrackingData) -> PosedProblem:
+    """Returns what has to be solved: references and constraints that every horizon can meet.
+
+    Each stage's input bounds are narrowed to the inputs from which the later stages' bounds can
+    be reached, which takes no solution away. A rate that contradicts the bounds is raised to just
+    what they ask for. The first move is limited against the last nominal input.
+
+    Deviation: in the source tightened bounds may contradict the rate limit, and then no input is
+    feasible. And instead of wrapping each yaw error, the unwrapped window of references is shifted
+    by whole turns to begin nearest to the measured yaw: the same while errors stay below half a
+    turn, and smooth, which the solvers need.
+
+    Raises:
+        ValueError: when a number is not finite, a half-width negative, or a lower bound above its
+            upper one.
+    """
+    sound, *posed = tracking_kernels.pose(
+        data.state,
+        data.reference,
+        data.half_width,
+        data.input_lower,
+        data.input_upper,
+        data.previous_input,
+        problem.rate_limit,
+        int(problem.aligned),
+    )
+    if not sound:
+        raise ValueError(_unsound(data))
+    return PosedProblem(data, *posed)
+
+
+def _unsound(data: TrackingData) -> str:
+    """Returns why no solver can work with these data."""
+    if not data.is_finite():
+        return "measurement or problem data not finite"
+    if (data.half_width < 0).any():
+        return f"half_width {data.half_width.tolist()} is negative"
+    stage, wheel = np.argwhere(data.input_lower > data.input_upper)[0]
     return (
-        join(data.state - data.half_width, data.input_lower),
-        join(data.state + data.half_width, data.input_upper),
+        f"input_lower {data.input_lower[stage, wheel]:g} is above input_upper "
+        f"{data.input_upper[stage, wheel]:g} (stage {stage}, wheel {wheel})"
     )
 
 
@@ -105,75 +176,37 @@ def rate_matrix(problem: TrackingProblem) -> np.ndarray:
     return np.hstack([np.zeros((N * m, n)), np.kron(differences, np.eye(m))])
 
 
-def rate_bounds(problem: TrackingProblem, data: TrackingData) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the bounds (N m,) on D z; the first move is limited against the last input."""
-    limit = np.tile(problem.rate_limit, problem.horizon)
-    offset = np.zeros_like(limit)
-    offset[: problem.model.num_inputs] = data.previous_input
-    return offset - limit, offset + limit
+def shift(problem: TrackingProblem, initial_state: np.ndarray, inputs: np.ndarray) -> np.ndarray:
+    """Returns a plan moved on by one sample, the last input repeated, as decision vector.
 
-
-def stage_references(problem: TrackingProblem, data: TrackingData) -> np.ndarray:
-    """Returns the pose (N, 3) that each predicted state x_1 .. x_N is compared with.
-
-    Deviation: instead of wrapping each yaw error, the unwrapped window is shifted by whole turns
-    to begin nearest to the measured yaw. The same while errors stay below half a turn, and
-    smooth, which the solvers need.
+    Args:
+        problem: The problem.
+        initial_state: (n,) the state after the plan's first sample.
+        inputs: (N, m) the plan's inputs.
     """
-    first = int(problem.aligned)
-    reference = data.reference[first : first + problem.horizon].copy()
-    yaw = np.unwrap(data.reference[:, YAW])
-    shift = unwrap_near(yaw[0], data.state[YAW]) - yaw[0]
-    reference[:, YAW] = yaw[first : first + problem.horizon] + shift
-    return reference
+    assert len(inputs) == problem.horizon
+    return join(initial_state, np.vstack([inputs[1:], inputs[-1:]]))
 
 
 def cost_and_gradient(
     problem: TrackingProblem, data: TrackingData, z: np.ndarray
 ) -> tuple[float, np.ndarray]:
     """Returns the cost (4-9) and its gradient (size,), by one backward (adjoint) sweep."""
-    model = problem.model
     x0, inputs = split(problem, z)
-    states = model.roll_out(x0, inputs, problem.period)
-    Phi, Gamma = model.step_jacobians(states[:-1], inputs, problem.period)
-
-    error = states[1:, POSE] - stage_references(problem, data)
-    moves = np.diff(inputs, axis=0, prepend=data.previous_input[None])
-    weighted_error = error @ problem.state_weight
-    weighted_error[-1] += problem.terminal_weight @ error[-1]
-    weighted_inputs = inputs @ problem.input_weight
-    weighted_moves = moves @ problem.rate_weight
-    value = (
-        np.vdot(error, weighted_error)
-        + np.vdot(inputs, weighted_inputs)
-        + np.vdot(moves, weighted_moves)
+    states, jacobians = problem.model.roll_out_jacobians(x0, inputs, problem.period)
+    return tracking_kernels.cost_and_gradient(
+        states,
+        jacobians,
+        inputs,
+        tracking_kernels.stage_references(
+            data.reference, data.state[YAW], int(problem.aligned), problem.horizon
+        ),
+        data.previous_input,
+        *problem.weights,
     )
 
-    by_inputs = weighted_inputs + weighted_moves
-    by_inputs[:-1] -= weighted_moves[1:]
-    adjoint = np.zeros(model.num_states)
-    for i in reversed(range(problem.horizon)):
-        adjoint[POSE] += weighted_error[i]
-        by_inputs[i] += adjoint @ Gamma[i]
-        adjoint = adjoint @ Phi[i]
-    return float(value), 2.0 * join(adjoint, by_inputs)
 
-
-def gauss_newton_hessian(problem: TrackingProblem, data: TrackingData, z: np.ndarray) -> np.ndarray:
+def gauss_newton_hessian(problem: TrackingProblem, z: np.ndarray) -> np.ndarray:
     """Returns the Gauss-Newton Hessian (size, size) of the cost; positive definite."""
-    n, m = problem.model.num_states, problem.model.num_inputs
-    x0, inputs = split(problem, z)
-    states = problem.model.roll_out(x0, inputs, problem.period)
-    Phi, Gamma = problem.model.step_jacobians(states[:-1], inputs, problem.period)
-    D = rate_matrix(problem)
-    hessian = D.T @ np.kron(np.eye(problem.horizon), problem.rate_weight) @ D
-    hessian[n:, n:] += np.kron(np.eye(problem.horizon), problem.input_weight)
-    sensitivity = np.zeros((n, problem.size))
-    sensitivity[:, :n] = np.eye(n)
-    for i in range(problem.horizon):
-        sensitivity = Phi[i] @ sensitivity
-        sensitivity[:, n + i * m : n + (i + 1) * m] += Gamma[i]
-        last = i == problem.horizon - 1
-        weight = problem.state_weight + (problem.terminal_weight if last else 0.0)
-        hessian += sensitivity[POSE].T @ weight @ sensitivity[POSE]
-    return 2.0 * hessian
+    _, jacobians = problem.model.roll_out_jacobians(*split(problem, z), problem.period)
+    return tracking_kernels.condense(jacobians, *problem.weights)

@@ -1,6 +1,7 @@
 """Models as YAML files: the one place that reads and writes them."""
 
 import dataclasses as dc
+import functools
 import os
 from importlib.resources import files
 from pathlib import Path
@@ -62,6 +63,18 @@ def load_model(name_or_path: str | os.PathLike) -> SparseModel:
     Raises:
         UserError: when there is no such model, or the file is not a model.
     """
+    if name_or_path in model_names():
+        return _identified_model(str(name_or_path))
+    return _build(name_or_path)
+
+
+@functools.cache
+def _identified_model(name: str) -> SparseModel:
+    """Returns a model of the package, read once: its file and the model never change."""
+    return _build(name)
+
+
+def _build(name_or_path: str | os.PathLike) -> SparseModel:
     content = load_model_file(name_or_path)
     try:
         return SparseModel(

@@ -4,21 +4,20 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from mirte_drake.model import term_table
 from mirte_drake.model.candidate_library import (
-    COS,
     HEADING,
-    SIN,
     CandidateLibrary,
     Polynomial,
-    differentiate,
     parse_term,
     substitute,
 )
-from mirte_drake.model.integration import rk4_step, rk4_step_jacobians
-from mirte_drake.vectors import POSE_SIZE, YAW
+from mirte_drake.model.prediction_model import PredictionModel
+from mirte_drake.model.term_table import dense
+from mirte_drake.vectors import POSE_SIZE
 
 
-class SparseModel:
+class SparseModel(PredictionModel):
     """Derivative, zero-order-hold step and Jacobians of xdot = coefficients @ theta(x, u).
 
     All methods work over leading batch axes. ``derivative`` takes float, AutoDiffXd and
@@ -70,10 +69,11 @@ class SparseModel:
             substitute(_parse_table(state, derivatives[state], names), auxiliary_tables)
             for state in self.states
         )
-        jacobian = [differentiate(f, v) for f in self.equations for v in variables]
-        self._value_library, self._value_matrix = _tabulate(variables, self.equations)
-        self._full_library, self._full_matrix = _tabulate(variables, [*self.equations, *jacobian])
-        self._velocity_depends_on_heading_only = self._check_heading_only()
+        terms = sorted({term for f in self.equations for term in f})
+        matrix = [[f.get(term, 0.0) for term in terms] for f in self.equations]
+        self._coefficients = np.array(matrix).reshape(len(self.equations), len(terms))
+        self._library = CandidateLibrary(variables, terms)
+        self._table = term_table.tabulate(self.equations, self.states, self.inputs)
 
     @property
     def num_states(self) -> int:
@@ -86,55 +86,44 @@ class SparseModel:
         return len(self.inputs)
 
     def derivative(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Returns xdot (..., n) at states x (..., n) and inputs u (..., m)."""
-        return self._value_library.evaluate(_join(x, u)) @ self._value_matrix.T
+        """Returns xdot (..., n) at states x (..., n) and inputs u (..., m), of any scalar type."""
+        if np.result_type(x, u).hasobject:
+            return self._library.evaluate(np.concatenate([x, u], axis=-1)) @ self._coefficients.T
+        return term_table.derivative(self._table, *_rows(x, u)).reshape(np.shape(x))
 
     def linearise(self, x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Returns f, df/dx and df/du, of shapes (..., n), (..., n, n), (..., n, m); (4-11)."""
-        n, m = self.num_states, self.num_inputs
-        table = self._full_library.evaluate(_join(x, u)) @ self._full_matrix.T
-        jacobian = table[..., n:].reshape(*table.shape[:-1], n, n + m)
-        return table[..., :n], jacobian[..., :n], jacobian[..., n:]
+        f, jacobian = term_table.linearise(self._table, *_rows(x, u))
+        jacobian = jacobian.reshape(*np.shape(x), -1)
+        n = self.num_states
+        return f.reshape(np.shape(x)), jacobian[..., :n], jacobian[..., n:]
 
     def step(self, x: np.ndarray, u: np.ndarray, dt: float | np.ndarray) -> np.ndarray:
         """Returns the state (..., n) after ``dt`` [s], a number or (..., 1), with u held (RK4)."""
-        return rk4_step(lambda state: self.derivative(state, u), x, dt)
+        durations = np.array(np.broadcast_to(dt, (*np.shape(x)[:-1], 1)), dtype=float)
+        end = term_table.step(self._table, *_rows(x, u), durations.reshape(-1))
+        return end.reshape(np.shape(x))
 
-    def step_jacobians(
-        self, x: np.ndarray, u: np.ndarray, dt: float
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Returns the Jacobians (..., n, n) and (..., n, m) of ``step`` by x and u."""
-        return rk4_step_jacobians(lambda state: self.linearise(state, u), x, dt)
+    def step_jacobians(self, x: np.ndarray, u: np.ndarray, dt: float) -> np.ndarray:
+        """Returns the Jacobian (..., n, n + m) of ``step`` by x and u."""
+        jacobians = term_table.step_jacobians(self._table, *_rows(x, u), dt)
+        return jacobians.reshape(*np.shape(x), -1)
 
     def roll_out(self, x: np.ndarray, inputs: np.ndarray, dt: float) -> np.ndarray:
-        """Returns the states (N + 1, n) under held inputs (N, m), beginning with x (n,).
+        """Returns the states (N + 1, n) under held inputs (N, m), beginning with x (n,)."""
+        return term_table.roll_out(self._table, dense(x), dense(inputs), dt)
 
-        Where the velocity depends on yaw and input alone, and the yaw rate on the input alone,
-        yaw is linear in time over a sample and RK4 is Simpson's rule: the whole horizon is two
-        cumulative sums and no loop. Other models are stepped.
-        """
-        states = np.empty((len(inputs) + 1, self.num_states))
-        states[0] = x
-        if not self._velocity_depends_on_heading_only:
-            for k, u in enumerate(inputs):
-                states[k + 1] = self.step(states[k], u, dt)
-            return states
-        nodes = np.zeros((3, len(inputs), self.num_states))
-        yaw_rate = self.derivative(nodes[0], inputs)[:, YAW]
-        yaw_end = x[YAW] + dt * np.cumsum(yaw_rate)
-        nodes[:, :, YAW] = yaw_end - dt * np.array([[1.0], [0.5], [0.0]]) * yaw_rate
-        start, middle, end = self.derivative(nodes, np.broadcast_to(inputs, (3, *inputs.shape)))
-        states[1:] = x + dt / 6 * np.cumsum(start + 4 * middle + end, axis=0)
-        return states
-
-    def _check_heading_only(self) -> bool:
-        states = {*self.states, SIN, COS}
-        used = [{factor for term in f for factor in term} & states for f in self.equations]
-        return self.num_states == POSE_SIZE and not used[YAW] and all(u <= {SIN, COS} for u in used)
+    def roll_out_jacobians(
+        self, x: np.ndarray, inputs: np.ndarray, dt: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Returns ``roll_out`` and the Jacobian (N, n, n + m) of each of its steps."""
+        return term_table.roll_out_jacobians(self._table, dense(x), dense(inputs), dt)
 
 
-def _join(x: np.ndarray, u: np.ndarray) -> np.ndarray:
-    return np.concatenate([x, u], axis=-1)
+def _rows(x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Returns states and inputs with one batch axis."""
+    x, u = dense(x), dense(u)
+    return x.reshape(-1, x.shape[-1]), u.reshape(-1, u.shape[-1])
 
 
 def _parse_table(name: str, table: Mapping[str, float], variables: Sequence[str]) -> Polynomial:
@@ -147,12 +136,3 @@ def _parse_table(name: str, table: Mapping[str, float], variables: Sequence[str]
             raise ValueError(f"{name}: coefficient of {text!r} must be finite, got {coefficient}")
         polynomial[term] = float(coefficient)
     return polynomial
-
-
-def _tabulate(
-    variables: Sequence[str], polynomials: Sequence[Polynomial]
-) -> tuple[CandidateLibrary, np.ndarray]:
-    """Returns the library of all terms that occur, and the coefficients (polynomials, terms)."""
-    terms = sorted({term for p in polynomials for term in p})
-    matrix = np.array([[p.get(term, 0.0) for term in terms] for p in polynomials])
-    return CandidateLibrary(variables, terms), matrix.reshape(len(polynomials), len(terms))

@@ -15,14 +15,10 @@ from pydrake.systems.framework import (
 
 from mirte_drake.checks import check_array, check_choice, check_number
 from mirte_drake.control.dlqr import straight_line_terminal_weight
-from mirte_drake.control.nmpc_program import SOLVERS, NmpcProgram
+from mirte_drake.control.nmpc_solver import SOLVERS, make_nmpc_solver
 from mirte_drake.control.plan import Plan, idle_plan, next_plan, warm_start
-from mirte_drake.control.tracking_problem import (
-    TrackingData,
-    TrackingProblem,
-    reachable_bounds,
-)
-from mirte_drake.model.sparse_model import SparseModel
+from mirte_drake.control.tracking_problem import TrackingData, TrackingProblem
+from mirte_drake.model.prediction_model import PredictionModel
 
 # Published programs of the study; thesis table 4-1 calls it the DLQR solution P.
 STUDY_TERMINAL_WEIGHT = (
@@ -60,9 +56,13 @@ class NominalNmpcConfig:
     # Predicted state k+1 is compared with reference k ("published": one sample of lag is built
     # in) or with reference k+1 ("aligned").
     reference_alignment: str = "published"
-    solver: str = "snopt"  # or "ipopt".
-    tolerance: float = 1e-6  # Optimality tolerance of the solver.
-    time_limit: float = 5.0  # [s] A solve that takes longer counts as failed and is broken off.
+    # "realtime" (one iteration per sample), "converged", or by MathematicalProgram "snopt" or
+    # "ipopt".
+    solver: str = "converged"
+    tolerance: float | None = None  # Optimality tolerance; null: the solver's own.
+    # [s] A solve that takes longer ends: "realtime" and "converged" with their best iterate, the
+    # others have failed.
+    time_limit: float = 5.0
 
     def validate(self) -> None:
         """Raises ValueError when a value is out of range."""
@@ -75,7 +75,8 @@ class NominalNmpcConfig:
         check_number("stage_cost_factor", self.stage_cost_factor, above=0)
         check_choice("reference_alignment", self.reference_alignment, ("published", "aligned"))
         check_choice("solver", self.solver, SOLVERS)
-        check_number("tolerance", self.tolerance, above=0)
+        if self.tolerance is not None:
+            check_number("tolerance", self.tolerance, above=0)
         check_number("time_limit", self.time_limit, above=0)
         if self.terminal_weight is not None:
             P = self.terminal_weight
@@ -85,7 +86,7 @@ class NominalNmpcConfig:
 
 
 def make_tracking_problem(
-    config: NominalNmpcConfig, model: SparseModel, period: float
+    config: NominalNmpcConfig, model: PredictionModel, period: float
 ) -> TrackingProblem:
     """Returns the optimal control problem that a config describes, rates per sample.
 
@@ -141,7 +142,8 @@ class NominalNmpc(LeafSystem):
                                                              pose, yaw unwrapped
     reference_window (in)  vector (3 (N+1),)   [m, m, rad]   r_k, ..., r_{k+N}
     half_width (in)        vector (n,)         model's       d_k; open: zeros, xhat_k = x_k
-    input_lower (in)       vector (N m,)       [pwm]         bounds per stage; open: -input_limit
+    input_lower (in)       vector (N m,)       [pwm]         bounds per stage, within +-input_limit;
+                                                             open: -input_limit
     input_upper (in)       vector (N m,)       [pwm]         the same; open: +input_limit
     applied_input (in)     vector (m,)         [pwm]         last command to the wheels, where the
                                                              ramp to a stop begins; open: ubar_{k-1}
@@ -163,7 +165,7 @@ class NominalNmpc(LeafSystem):
     def __init__(
         self,
         config: NominalNmpcConfig,
-        model: SparseModel,
+        model: PredictionModel,
         *,
         period: float,
         input_limit: float = 100.0,
@@ -178,9 +180,9 @@ class NominalNmpc(LeafSystem):
         """
         super().__init__()
         self._problem = make_tracking_problem(config, model, period)
-        self._program = NmpcProgram(
+        self._solver = make_nmpc_solver(
             self._problem,
-            solver=config.solver,
+            config.solver,
             tolerance=config.tolerance,
             time_limit=config.time_limit,
         )
@@ -200,6 +202,7 @@ class NominalNmpc(LeafSystem):
         self.DeclareVectorOutputPort("nominal_input", m, self._calc_nominal_input, state)
         self.DeclareVectorOutputPort("solve_status", 1, self._calc_solve_status, state)
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update_plan)
+        self.DeclarePerStepPublishEvent(self._prepare)
 
     @property
     def problem(self) -> TrackingProblem:
@@ -225,26 +228,33 @@ class NominalNmpc(LeafSystem):
         n, m = self._problem.model.num_states, self._problem.model.num_inputs
         limit = np.full(self._problem.horizon * m, self._input_limit)
         lower, upper = (
-            _eval_or(port, context, default).reshape(-1, m)
+            np.clip(_eval_or(port, context, default), -limit, limit).reshape(-1, m)
             for port, default in ((self._lower_input, -limit), (self._upper_input, limit))
         )
-        previous_input = previous.nominal_input
-        lower, upper = reachable_bounds(self._problem, lower, upper, previous_input)
         return TrackingData(
             state=self._state_input.Eval(context),
             reference=self._reference_input.Eval(context).reshape(-1, 3),
             half_width=_eval_or(self._half_width_input, context, np.zeros(n)),
             input_lower=lower,
             input_upper=upper,
-            previous_input=previous_input,
+            previous_input=previous.nominal_input,
         )
+
+    def _prepare(self, context: Context) -> None:
+        """Prepares the next solve, once the command of this sample is on its way.
+
+        The solver keeps what it prepared only to save time: a solve from another decision vector,
+        as of another Context, does it again.
+        """
+        plan = self._get_plan(context)
+        self._solver.prepare(warm_start(self._problem, plan, plan.nominal_next))
 
     def _update_plan(self, context: Context, next_state: State) -> None:
         previous = self._get_plan(context)
         data = self._tracking_data(context, previous)
         applied = _eval_or(self._applied_input, context, previous.nominal_input)
         guess = warm_start(self._problem, previous, data.state)
-        solution = self._program.solve(data, guess)
+        solution = self._solver.solve(data, guess)
         plan = next_plan(self._problem, previous, data, solution, applied)
         next_state.get_mutable_abstract_state(int(self._plan)).set_value(plan)
 
@@ -256,7 +266,7 @@ def _eval_or(port: InputPort, context: Context, default: np.ndarray) -> np.ndarr
 def AddNominalNmpc(
     builder: DiagramBuilder,
     config: NominalNmpcConfig,
-    model: SparseModel,
+    model: PredictionModel,
     *,
     period: float,
     input_limit: float = 100.0,

@@ -3,18 +3,20 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from mirte_drake.control.nmpc_program import NmpcSolution
+from mirte_drake.control.nmpc_solution import NmpcSolution
 from mirte_drake.control.plan import MAX_SHIFTS, Plan, SolveStatus, idle_plan, next_plan, warm_start
 from mirte_drake.control.tracking_problem import split
+from mirte_drake.model.model_file import load_model
 
 INPUTS = 5.0 * np.arange(10)[:, None] + np.array([1.0, -1.0, 2.0, 0.0])
 START = np.array([0.012, -0.018, 0.031])
 REST = np.zeros(4)
 
 
-def solution(success: bool = True) -> NmpcSolution:
+def solution(success: bool = True, **changes: bool) -> NmpcSolution:
     message = "" if success else "no luck"
-    return NmpcSolution(success, message, START, INPUTS, 12.0, 34, 0.05)
+    states = load_model("extended_kinematic").roll_out(START, INPUTS, 0.1)
+    return NmpcSolution(success, message, states, INPUTS, 12.0, 34, 0.05, **changes)
 
 
 @pytest.fixture
@@ -46,6 +48,24 @@ def test_solved_plan_is_the_solution(problem, make_data, solved):
     np.testing.assert_allclose(solved.nominal_next, step, atol=1e-14)
     np.testing.assert_allclose(solved.states, problem.model.roll_out(START, INPUTS, 0.1))
     np.testing.assert_array_equal(solved.data.state, make_data().state)
+
+
+@pytest.mark.parametrize(
+    ("changes", "status"),
+    [
+        ({"relaxed": True}, SolveStatus.RELAXED),
+        ({"early": True}, SolveStatus.EARLY),
+        ({"relaxed": True, "early": True}, SolveStatus.RELAXED),
+    ],
+)
+def test_status_tells_what_a_solve_gave_up(problem, make_data, changes, status):
+    plan = next_plan(problem, idle_plan(problem), make_data(), solution(**changes), REST)
+    assert (plan.status, plan.failures) == (status, 0)
+    assert not plan.status.failed
+
+
+def test_failed_states_are_those_without_a_solution():
+    assert [s.name for s in SolveStatus if s.failed] == ["SHIFTED", "STOPPING"]
 
 
 def test_first_failures_move_the_plan_on(problem, make_data, solved):

@@ -2,18 +2,21 @@ import dataclasses as dc
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from pydrake.autodiffutils import InitializeAutoDiff
+from scipy.optimize import linprog
 
 from mirte_drake.control.dlqr import steady_input
 from mirte_drake.control.tracking_problem import (
-    bounds,
+    TrackingData,
     cost_and_gradient,
     gauss_newton_hessian,
     join,
-    rate_bounds,
+    pose,
     rate_matrix,
+    shift,
     split,
-    stage_references,
 )
 from mirte_drake.model.model_file import load_model
 
@@ -115,7 +118,7 @@ def test_window_that_wraps_is_unwrapped_near_the_measured_yaw(either, make_data)
     first = int(either.aligned)
     expected = straight[first : first + 10] - np.array([0, 0, 4 * np.pi])
     before = wrapped.copy()
-    np.testing.assert_allclose(stage_references(either, data), expected, atol=1e-12)
+    np.testing.assert_allclose(pose(either, data).references, expected, atol=1e-12)
     np.testing.assert_array_equal(data.reference, before)
 
 
@@ -142,8 +145,8 @@ def test_gradient_of_a_model_with_more_states_than_the_pose(dynamic_problem, mak
     np.testing.assert_allclose(gradient, automatic.derivatives(), rtol=1e-10, atol=1e-9)
 
 
-def test_hessian_is_symmetric_and_positive_definite(either, make_data, z):
-    hessian = gauss_newton_hessian(either, make_data(), z)
+def test_hessian_is_symmetric_and_positive_definite(either, z):
+    hessian = gauss_newton_hessian(either, z)
     np.testing.assert_allclose(hessian, hessian.T, rtol=1e-12)
     assert np.min(np.linalg.eigvalsh(hessian)) > 0.9 * 2 * 0.001
 
@@ -159,25 +162,32 @@ def test_hessian_is_exact_where_the_residual_is_zero(problem, make_data):
     for step in 1e-5 * np.eye(43):
         ahead, behind = (cost_and_gradient(aligned, data, z + s)[1] for s in (step, -step))
         differences.append((ahead - behind) / 2e-5)
-    hessian = gauss_newton_hessian(aligned, data, z)
+    hessian = gauss_newton_hessian(aligned, z)
     np.testing.assert_allclose(hessian, differences, rtol=0, atol=1e-6 * np.max(hessian))
 
 
-def test_hessian_of_a_model_with_more_states_than_the_pose(dynamic_problem, make_data):
+def test_hessian_of_a_model_with_more_states_than_the_pose(dynamic_problem):
     z = np.concatenate([np.full(6, 0.1), np.full(40, 20.0)])
-    hessian = gauss_newton_hessian(dynamic_problem, make_data(state=z[:6]), z)
+    hessian = gauss_newton_hessian(dynamic_problem, z)
     assert hessian.shape == (46, 46)
     # Without weight on velocities each pose error is still seen, and each input is paid for.
     assert np.min(np.linalg.eigvalsh(hessian)) > 0
 
 
-def test_bounds_by_hand(make_data):
+def test_constraint_bounds_by_hand(problem, make_data):
+    limited = dc.replace(problem, rate_limit=np.array([1.0, 2.0, 3.0, 4.0]))
     data = make_data(
-        half_width=np.array([0.1, 0.2, 0.3]), input_upper=np.arange(40.0).reshape(10, 4)
+        half_width=np.array([0.1, 0.2, 0.3]), input_upper=90 + np.arange(40.0).reshape(10, 4)
     )
-    lower, upper = bounds(data)
-    np.testing.assert_allclose(lower, [-0.09, -0.22, -0.27, *np.full(40, -90.0)])
-    np.testing.assert_allclose(upper, [0.11, 0.18, 0.33, *np.arange(40.0)])
+    posed = pose(limited, data)
+    least, most = posed.least, posed.most
+    np.testing.assert_allclose(least[:43], [-0.09, -0.22, -0.27, *np.full(40, -90.0)])
+    np.testing.assert_allclose(most[:43], [0.11, 0.18, 0.33, *(90 + np.arange(40.0))])
+    moves = slice(43, None)  # The first is limited against the previous input (5, -3, 8, 1).
+    np.testing.assert_array_equal(least[moves][:8], [4.0, -5.0, 5.0, -3.0, -1, -2, -3, -4])
+    np.testing.assert_array_equal(most[moves][:8], [6.0, -1.0, 11.0, 5.0, 1, 2, 3, 4])
+    np.testing.assert_array_equal(most[moves][8:], np.tile([1.0, 2.0, 3.0, 4.0], 8))
+    np.testing.assert_array_equal(least[moves][8:], -most[moves][8:])
 
 
 def test_rate_matrix_gives_the_moves(problem):
@@ -188,13 +198,113 @@ def test_rate_matrix_gives_the_moves(problem):
     np.testing.assert_allclose(moves, expected)
 
 
-def test_rate_bounds_by_hand(problem, make_data):
-    limited = dc.replace(problem, rate_limit=np.array([1.0, 2.0, 3.0, 4.0]))
-    lower, upper = rate_bounds(limited, make_data())
-    np.testing.assert_array_equal(lower[:8], [4.0, -5.0, 5.0, -3.0, -1.0, -2.0, -3.0, -4.0])
-    np.testing.assert_array_equal(upper[:8], [6.0, -1.0, 11.0, 5.0, 1.0, 2.0, 3.0, 4.0])
-    np.testing.assert_array_equal(upper[8:], np.tile([1.0, 2.0, 3.0, 4.0], 8))
-    np.testing.assert_array_equal(lower[8:], -upper[8:])
+def one_wheel(problem, lower, upper, previous=0.0):
+    """Limits of a wheel with a rate limit of 30, the other three as always."""
+    horizon = len(lower)
+    small = dc.replace(problem, horizon=horizon)
+    bounds = np.full((horizon, 4), -90.0), np.full((horizon, 4), 90.0)
+    for bound, values in zip(bounds, (lower, upper), strict=True):
+        bound[:, 1] = values
+    data = TrackingData(
+        np.zeros(3), np.zeros((horizon + 1, 3)), np.zeros(3), *bounds, np.array([0, previous, 0, 0])
+    )
+    return pose(small, data)
+
+
+def test_limits_without_contradiction_are_the_bounds_and_the_rate_limit(problem):
+    limits = one_wheel(problem, [-90.0] * 3, [90.0] * 3)
+    np.testing.assert_array_equal(limits.lowest, limits.data.input_lower)
+    np.testing.assert_array_equal(limits.highest, limits.data.input_upper)
+    np.testing.assert_array_equal(limits.rate, np.full((3, 4), 30.0))
+    assert not limits.relaxed and limits.note == ""
+
+
+def test_limits_look_ahead_to_later_bounds(problem):
+    limits = one_wheel(problem, [-90.0, -90, 50], [90.0, 90, 50])
+    np.testing.assert_array_equal(limits.lowest[:, 1], [-10, 20, 50])
+    np.testing.assert_array_equal(limits.highest[:, 1], [90, 80, 50])
+    assert not limits.relaxed
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_first_rate_gives_way_by_just_what_the_bounds_ask_for(problem, sign):
+    lower, upper = sorted(([sign * 50.0] * 3, [sign * 90.0] * 3))
+    limits = one_wheel(problem, lower, upper, previous=sign * -5.0)
+    assert limits.relaxed and limits.note == "bounds ask for a move of 55 pwm"
+    np.testing.assert_array_equal(limits.rate[:, 1], [55, 30, 30])
+    np.testing.assert_array_equal(limits.rate[:, [0, 2, 3]], 30.0)
+
+
+def test_a_later_rate_gives_way_where_two_stages_contradict_each_other(problem):
+    limits = one_wheel(problem, [0.0, 70], [10.0, 90])
+    np.testing.assert_array_equal(limits.rate[:, 1], [30, 60])
+    np.testing.assert_array_equal(limits.lowest[:, 1], [10, 70])
+
+
+@given(
+    st.lists(st.tuples(st.floats(-90, 90), st.floats(0, 80)), min_size=1, max_size=8),
+    st.floats(-90, 90),
+    st.floats(-200, 200),
+)
+def test_projection_meets_bounds_and_rates_and_moves_nothing_that_does(
+    problem, intervals, previous, wanted
+):
+    lower = np.array([low for low, _ in intervals])
+    limits = one_wheel(problem, lower, lower + [w for _, w in intervals], previous)
+    z = join(np.ones(3), np.full((len(intervals), 4), wanted))
+    data, projected = limits.data, limits.project(z)
+    inputs = projected[3:].reshape(-1, 4)
+    np.testing.assert_array_equal(projected[:3], np.zeros(3))
+    assert np.all(inputs >= data.input_lower) and np.all(inputs <= data.input_upper)
+    moves = np.abs(np.diff(inputs, axis=0, prepend=data.previous_input[None]))
+    assert np.all(moves <= limits.rate + 1e-12)
+    np.testing.assert_array_equal(limits.project(projected), projected)
+
+
+@given(
+    st.lists(st.tuples(st.floats(-90, 90), st.floats(0, 80)), min_size=1, max_size=5),
+    st.floats(-90, 90),
+)
+def test_relaxed_rates_are_the_limit_of_an_exact_penalty(problem, intervals, previous):
+    """The least |s|_1 with which a chain of inputs exists, by linear programming."""
+    lower = np.array([low for low, _ in intervals])
+    upper = lower + np.array([width for _, width in intervals])
+    limits = one_wheel(problem, lower, upper, previous)
+    N = len(intervals)
+    D = np.eye(N) - np.eye(N, k=-1)
+    offset = 30.0 + np.eye(N)[0] * previous, 30.0 - np.eye(N)[0] * previous
+    result = linprog(
+        np.r_[np.zeros(N), np.ones(N)],
+        A_ub=np.block([[D, -np.eye(N)], [-D, -np.eye(N)]]),
+        b_ub=np.r_[offset],
+        bounds=[*zip(lower, upper, strict=True), *[(0, None)] * N],
+    )
+    slack = limits.rate[:, 1] - 30.0
+    assert slack.sum() == pytest.approx(result.fun, abs=1e-6)
+
+
+def test_shift_drops_the_first_input_and_repeats_the_last(problem):
+    inputs = np.arange(40.0).reshape(10, 4)
+    shifted = shift(problem, np.array([1.0, 2.0, 3.0]), inputs)
+    expected = [1.0, 2.0, 3.0, *range(4, 40), 36.0, 37.0, 38.0, 39.0]
+    np.testing.assert_array_equal(shifted, expected)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"half_width": np.array([0.1, -0.1, 0.1])}, "half_width .* is negative"),
+        ({"state": np.array([0.0, np.nan, 0.0])}, "not finite"),
+        (
+            {"input_lower": np.full((10, 4), 95.0)},
+            r"input_lower 95 is above input_upper 90 \(stage 0, wheel 0\)",
+        ),
+    ],
+)
+def test_what_no_solver_can_work_with(problem, make_data, changes, message):
+    pose(problem, make_data())
+    with pytest.raises(ValueError, match=message):
+        pose(problem, make_data(**changes))
 
 
 @pytest.mark.parametrize("field", ["state", "reference", "half_width", "previous_input"])

@@ -90,7 +90,7 @@ def test_batches_equal_single_evaluation(model, points):
         model.derivative(xs, us),
         *model.linearise(xs, us),
         model.step(xs, us, 0.1),
-        *model.step_jacobians(xs, us, 0.1),
+        model.step_jacobians(xs, us, 0.1),
     )
     for index in np.ndindex(2, 5):
         x, u = xs[index], us[index]
@@ -98,7 +98,7 @@ def test_batches_equal_single_evaluation(model, points):
             model.derivative(x, u),
             *model.linearise(x, u),
             model.step(x, u, 0.1),
-            *model.step_jacobians(x, u, 0.1),
+            model.step_jacobians(x, u, 0.1),
         )
         for many, one in zip(batch, single, strict=True):
             np.testing.assert_allclose(many[index], one, rtol=1e-13, atol=1e-13)
