@@ -9,7 +9,6 @@ from mirte_drake.model.prediction_model import PredictionModel
 from mirte_drake.model.term_table import dense
 from mirte_drake.vectors import POSE, YAW
 
-
 LARGEST_RESIDUAL = 1e-9  # Of the Riccati equation, relative to P.
 
 

@@ -16,7 +16,8 @@ class NmpcSolution:
     inputs: np.ndarray  # (N, m) [pwm]
     cost: float
     iterations: int  # Evaluations of cost and gradient.
-    solve_time: float  # [s] wall clock.
+    solve_time: float  # [s] wall clock, preparation included.
+    preparation_time: float = 0.0  # [s] of it, spent before the measurement arrived.
     relaxed: bool = False  # Bounds asked for a faster move than the rate limit allows.
     early: bool = False  # Ended before the optimum, with the best iterate.
 

@@ -43,7 +43,8 @@ class Plan:
     failures: int = 0  # Failed solves in a row.
     cost: float = np.nan
     iterations: int = 0
-    solve_time: float = 0.0  # [s]
+    solve_time: float = 0.0  # [s] preparation included.
+    preparation_time: float = 0.0  # [s] of it, spent before the measurement arrived.
 
     def __deepcopy__(self, memo: dict) -> "Plan":
         """Returns itself: Drake copies the state at every update, and a plan never changes."""
@@ -129,6 +130,7 @@ def next_plan(
         solution.cost,
         solution.iterations,
         solution.solve_time,
+        solution.preparation_time,
     )
 
 

@@ -19,13 +19,13 @@ from mirte_drake.control.tracking_problem import (
     TrackingProblem,
     pose,
     rate_matrix,
-    split,
 )
 
 CONTRACTION = 0.03  # A Hessian is kept while each step promises less than this of the last one.
 SMALLEST_STEP = 2.0**-10  # Of the line search.
 ROUNDING = 1e-12  # Of the cost, relative and absolute.
 PRIMAL_TOLERANCE = 1e-9  # [m, rad, pwm] Of a constraint in the quadratic programs.
+RATE_TOLERANCE = 1e-12  # [pwm] Rounding of a move.
 SOLVED = 1  # DAQP's exit flag.
 
 
@@ -46,6 +46,49 @@ class _Iterate(NamedTuple):
     jacobians: np.ndarray
     cost: float
     gradient: np.ndarray
+
+
+class _QuadraticProgram:
+    """min z' H z / 2 + g' z with bounds on [z; A z], by DAQP."""
+
+    def __init__(self, A: np.ndarray) -> None:
+        size, rows = A.shape[1], A.shape[1] + len(A)
+        self._inactive = np.zeros(rows, dtype=np.int32)
+        self._hessian: np.ndarray | None = None
+        self._daqp = daqp.Model()
+        self._daqp.setup(np.eye(size), np.zeros(size), A, np.full(rows, 1e30), np.full(rows, -1e30))
+        self._daqp.settings = {"primal_tol": PRIMAL_TOLERANCE}
+
+    def set_hessian(self, hessian: np.ndarray) -> None:
+        """Factorises a Hessian, unless it is the one that already is.
+
+        Raises:
+            ValueError: when it is not positive definite.
+        """
+        if hessian is self._hessian:
+            return
+        self._hessian = None
+        if self._daqp.update(H=hessian) != 0:
+            raise ValueError("Gauss-Newton Hessian is not positive definite")
+        self._hessian = hessian
+
+    def solve(
+        self, gradient: np.ndarray, lower: np.ndarray, upper: np.ndarray, first: bool
+    ) -> tuple[np.ndarray, float]:
+        """Returns the solution, and by how much it lowers the cost below that at zero.
+
+        ``first`` begins without an active set: that of the solve before may be another Context's.
+
+        Raises:
+            ValueError: when there is none.
+        """
+        active = self._inactive if first else None
+        flag = self._daqp.update(f=gradient, bupper=upper, blower=lower, sense=active)
+        if flag == 0:
+            z, value, flag, _ = self._daqp.solve()
+        if flag != SOLVED:
+            raise ValueError(f"quadratic program not solved: DAQP's exit flag is {flag}")
+        return z, -value
 
 
 class RealtimeNmpc:
@@ -75,9 +118,11 @@ class RealtimeNmpc:
         """
         self._problem, self._tolerance, self._time_limit = problem, tolerance, time_limit
         self._max_iterations = max_iterations
-        self._rate_matrix = rate_matrix(problem)
-        self._inactive = np.zeros(problem.size + len(self._rate_matrix), dtype=np.int32)
-        self._no_jacobians = np.zeros((0, problem.model.num_states, 0))
+        self._rate_matrix, self._weights = rate_matrix(problem), problem.weights
+        self._num_states = problem.model.num_states
+        self._stages = problem.horizon, problem.model.num_inputs
+        self._no_jacobians = np.zeros((0, self._num_states, 0))
+        self._prepared: _Linearisation | None = None
         self._reset()
 
     def prepare(self, guess: np.ndarray) -> None:
@@ -86,12 +131,12 @@ class RealtimeNmpc:
         Args:
             guess: (size,) finite.
         """
-        if self._prepared is not None and (guess == self._prepared.z).all():
+        if self._is_prepared(guess):
             return
         start = time.perf_counter()
         self._prepared = None  # Until everything holds.
         states, jacobians = self._problem.model.roll_out_jacobians(
-            *split(self._problem, guess), self._problem.period
+            *self._split(guess), self._problem.period
         )
         self._set_hessian(jacobians)
         duration = time.perf_counter() - start
@@ -105,6 +150,8 @@ class RealtimeNmpc:
             guess: (size,) Decision vector to begin from; it need not be feasible.
         """
         start = time.perf_counter()
+        ahead = self._prepared if self._is_prepared(guess) else None
+        preparation = ahead.duration if ahead else 0.0
         try:
             if not tracking_kernels.all_finite(guess):
                 raise ValueError("guess not finite")
@@ -119,13 +166,17 @@ class RealtimeNmpc:
             success=True,
             message="; ".join(filter(None, (posed.note, gave_up))),
             states=iterate.states,
-            inputs=split(self._problem, iterate.z)[1],
+            inputs=self._split(iterate.z)[1],
             cost=iterate.cost,
             iterations=iterations,
-            solve_time=time.perf_counter() - start,
+            solve_time=preparation + time.perf_counter() - start,
+            preparation_time=preparation,
             relaxed=posed.relaxed,
             early=bool(gave_up),
         )
+
+    def _is_prepared(self, guess: np.ndarray) -> bool:
+        return self._prepared is not None and bool((guess == self._prepared.z).all())
 
     def _iterate(
         self, posed: PosedProblem, guess: np.ndarray, start: float
@@ -135,8 +186,7 @@ class RealtimeNmpc:
         assert self._prepared is not None
         z, states, jacobians, _ = self._prepared
         iterate = self._weigh(posed, z, states, jacobians)
-        # A solve does not inherit the active set of the one before, which may be another Context's.
-        step, promise = self._solve_qp(posed, iterate, self._inactive)
+        step, promise = self._solve_qp(posed, iterate, first=True)
         iterate = self._advance(posed, iterate, step)
         if self._max_iterations == 1:
             return iterate, 1, ""
@@ -168,12 +218,15 @@ class RealtimeNmpc:
     def _evaluate(self, posed: PosedProblem, z: np.ndarray) -> _Iterate:
         """Returns the iterate at the decision vector near z that meets every constraint."""
         z = posed.project(z)
-        model, (x0, inputs) = self._problem.model, split(self._problem, z)
+        model, (x0, inputs) = self._problem.model, self._split(z)
         if self._max_iterations == 1:
             states, jacobians = model.roll_out(x0, inputs, self._problem.period), self._no_jacobians
         else:
             states, jacobians = model.roll_out_jacobians(x0, inputs, self._problem.period)
         return self._weigh(posed, z, states, jacobians)
+
+    def _split(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return z[: self._num_states], z[self._num_states :].reshape(self._stages)
 
     def _weigh(
         self, posed: PosedProblem, z: np.ndarray, states: np.ndarray, jacobians: np.ndarray
@@ -181,54 +234,46 @@ class RealtimeNmpc:
         cost, gradient = tracking_kernels.cost_and_gradient(
             states,
             jacobians,
-            split(self._problem, z)[1],
+            self._split(z)[1],
             posed.references,
             posed.data.previous_input,
-            *self._problem.weights,
+            *self._weights,
         )
         return _Iterate(z, states, jacobians, cost, gradient)
 
     def _solve_qp(
-        self, posed: PosedProblem, iterate: _Iterate, active: np.ndarray | None = None
+        self, posed: PosedProblem, iterate: _Iterate, first: bool = False
     ) -> tuple[np.ndarray, float]:
         """Returns the step, and by how much it lowers the quadratic model of the cost.
 
-        Args:
-            posed: The problem.
-            iterate: Where the step begins.
-            active: Constraints that the solver begins with; None: those of its last program.
+        Rates take most of the work and are seldom active: a solution without them that meets
+        them is the solution.
 
         Raises:
             ValueError: when the quadratic program is not solved.
         """
-        values = np.concatenate([iterate.z, self._rate_matrix @ iterate.z])
-        flag = self._qp.update(
-            f=iterate.gradient,
-            bupper=posed.most - values,
-            blower=posed.least - values,
-            sense=active,
+        z, size, m = iterate.z, len(iterate.z), self._stages[1]
+        bounds = posed.least[:size] - z, posed.most[:size] - z
+        step, promise = self._without_rates.solve(iterate.gradient, *bounds, first)
+        if tracking_kernels.meets_rates(z + step, posed.least, posed.most, m, RATE_TOLERANCE):
+            return step, promise
+        values = np.concatenate([z, self._rate_matrix @ z])
+        self._with_rates.set_hessian(self._hessian)
+        return self._with_rates.solve(
+            iterate.gradient, posed.least - values, posed.most - values, first
         )
-        if flag == 0:
-            step, value, flag, _ = self._qp.solve()
-        if flag != SOLVED:
-            raise ValueError(f"quadratic program not solved: DAQP's exit flag is {flag}")
-        return step, -value
 
     def _set_hessian(self, jacobians: np.ndarray) -> None:
-        hessian = tracking_kernels.condense(jacobians, *self._problem.weights)
-        if self._qp.update(H=hessian) != 0:
-            raise ValueError("Gauss-Newton Hessian is not positive definite")
+        self._hessian = tracking_kernels.condense(jacobians, *self._weights)
+        self._without_rates.set_hessian(self._hessian)
 
     def _reset(self) -> None:
-        size, rows = self._problem.size, len(self._inactive)
-        self._prepared: _Linearisation | None = None
-        self._qp = daqp.Model()
-        self._qp.setup(
-            np.eye(size), np.zeros(size), self._rate_matrix, np.full(rows, 1e30), np.full(rows, -1e30)
-        )
-        self._qp.settings = {"primal_tol": PRIMAL_TOLERANCE}
+        self._prepared = None
+        self._hessian = np.eye(self._problem.size)
+        self._without_rates = _QuadraticProgram(np.zeros((0, self._problem.size)))
+        self._with_rates = _QuadraticProgram(self._rate_matrix)
 
     def _failure(self, reason: str, guess: np.ndarray, solve_time: float) -> NmpcSolution:
-        x0, inputs = split(self._problem, guess)
+        x0, inputs = self._split(guess)
         states = self._problem.model.roll_out(x0, inputs, self._problem.period)
         return NmpcSolution(False, reason, states, inputs, np.nan, 0, solve_time)

@@ -233,7 +233,7 @@ def pose(
     """
     sound = all_finite(state) and all_finite(window) and all_finite(half_width)
     sound = sound and all_finite(lower) and all_finite(upper) and all_finite(previous_input)
-    sound = sound and np.all(half_width >= 0.0) and np.all(lower <= upper)
+    sound = sound and bool(np.all(half_width >= 0.0)) and bool(np.all(lower <= upper))
     references = stage_references(window, state[2], first, len(lower))
     lowest, highest, rates = input_limits(lower, upper, rate_limit, previous_input)
     relaxed = np.any(rates > rate_limit)
@@ -258,3 +258,16 @@ def project_all(
     inputs = z[n:].reshape(lowest.shape)
     result[n:] = project(inputs, previous_input, lowest, highest, rates).ravel()
     return result
+
+
+@numba.njit(cache=True)
+def meets_rates(
+    z: np.ndarray, least: np.ndarray, most: np.ndarray, m: int, tolerance: float
+) -> bool:
+    """Tells whether the moves in z, of m inputs a stage, are within ``constraint_bounds``."""
+    n = 2 * len(z) - len(least)
+    for i in range(n, len(z)):
+        move, k = z[i] - (z[i - m] if i >= n + m else 0.0), i + len(z) - n
+        if not least[k] - tolerance <= move <= most[k] + tolerance:
+            return False
+    return True

@@ -71,8 +71,10 @@ def _evaluate_terms(
 ) -> np.ndarray:
     variables, values = work
     n, m = len(x), len(u)
-    variables[1 : n + 1] = x
-    variables[n + 1 : n + m + 1] = u
+    for i in range(n):
+        variables[1 + i] = x[i]
+    for i in range(m):
+        variables[1 + n + i] = u[i]
     variables[n + m + 1] = np.sin(x[YAW])
     variables[n + m + 2] = np.cos(x[YAW])
     for t in range(table.factors.shape[0]):
@@ -85,14 +87,16 @@ def _evaluate_terms(
 
 @numba.njit(cache=True)
 def _derivative(table: TermTable, values: np.ndarray, f: np.ndarray) -> None:
-    f[:] = 0.0
+    for r in range(len(f)):
+        f[r] = 0.0
     for k in range(table.size):
         f[table.entries[k]] += table.coefficients[k] * values[table.terms[k]]
 
 
 @numba.njit(cache=True)
 def _jacobian(table: TermTable, values: np.ndarray, jacobian: np.ndarray) -> None:
-    jacobian[:] = 0.0
+    for r in range(len(jacobian)):
+        jacobian[r] = 0.0
     for k in range(table.size, len(table.entries)):
         jacobian[table.entries[k]] += table.coefficients[k] * values[table.terms[k]]
 
