@@ -16,6 +16,7 @@ from pydrake.systems.framework import (
 from mirte_drake.checks import check_array, check_choice, check_number
 from mirte_drake.control.dlqr import straight_line_terminal_weight
 from mirte_drake.control.nmpc_program import SOLVERS, NmpcProgram
+from mirte_drake.control.nmpc_solver import NmpcSolver
 from mirte_drake.control.plan import Plan, idle_plan, next_plan, warm_start
 from mirte_drake.control.tracking_problem import (
     TrackingData,
@@ -178,7 +179,7 @@ class NominalNmpc(LeafSystem):
         """
         super().__init__()
         self._problem = make_tracking_problem(config, model, period)
-        self._program = NmpcProgram(
+        self._program: NmpcSolver = NmpcProgram(
             self._problem,
             solver=config.solver,
             tolerance=config.tolerance,
@@ -205,6 +206,10 @@ class NominalNmpc(LeafSystem):
     def problem(self) -> TrackingProblem:
         """The optimal control problem."""
         return self._problem
+
+    def use_solver(self, solver: NmpcSolver) -> None:
+        """Replaces the solver by another one for the same ``problem``, before any update."""
+        self._program = solver
 
     def _get_plan(self, context: Context) -> Plan:
         return context.get_abstract_state(int(self._plan)).get_value()
