@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from mirte_drake.benchmark.evaluation import rate_limits
 from mirte_drake.control.nmpc_solver import NmpcSolution
 from mirte_drake.control.tracking_problem import (
     TrackingData,
     TrackingProblem,
-    bounds,
     join,
     split,
     stage_references,
@@ -70,8 +70,9 @@ class _Transcription:
     states: np.ndarray  # (N + 1, n) indices of x_0 .. x_N.
     inputs: np.ndarray  # (N, m) indices of u_0 .. u_{N-1}.
     copies: np.ndarray  # (N - 1, m) indices of the copies of u_0 .. u_{N-2}; may be empty.
-    constraint_limit: np.ndarray  # -limit <= g <= limit; zero for an equation.
+    moves: np.ndarray  # (N - 1, m) indices in g of u_1 - u_0 ..; all else in g is an equation.
     size: int
+    num_constraints: int
 
 
 class CasadiNmpc:
@@ -126,7 +127,6 @@ class CasadiNmpc:
             The solution; its iterations are those of IPOPT, or QPs solved.
         """
         start = time.perf_counter()
-        lower, upper = bounds(data)
         z, cost, iterations = guess, np.nan, 0
         message = "measurement or problem data not finite"
         if data.is_finite() and np.all(np.isfinite(guess)):
@@ -136,25 +136,31 @@ class CasadiNmpc:
                 message = f"CasADi: {str(error).strip().splitlines()[-1]}"
         if message:
             self._forget()
-        x0, inputs = split(self._problem, np.clip(z, lower, upper))
+        # Solvers meet bounds within their tolerance; the tube and the input set ask for exactly.
+        x0, inputs = split(self._problem, z)
+        x0 = np.clip(x0, data.state - data.half_width, data.state + data.half_width)
+        inputs = np.clip(inputs, data.input_lower, data.input_upper)
         solve_time = time.perf_counter() - start
         return NmpcSolution(not message, message, x0, inputs, cost, iterations, solve_time)
 
     def _forget(self) -> None:
         self._bound_multipliers = np.zeros(self._transcription.size)
-        self._multipliers = np.zeros(len(self._transcription.constraint_limit))
+        self._multipliers = np.zeros(self._transcription.num_constraints)
 
     def _solve(self, data: TrackingData, guess: np.ndarray) -> tuple[np.ndarray, float, int, str]:
         """Returns decision vector, cost, iterations, and what went wrong."""
         at = self._transcription
-        lower, upper = self._variable_bounds(data)
+        rates = rate_limits(self._problem, data)
+        lower, upper = self._variable_bounds(data, rates[0])
+        limit = np.zeros(at.num_constraints)
+        limit[at.moves] = rates[1:]
         result = self._solver(
             x0=self._initial_point(guess),
             p=np.concatenate([stage_references(self._problem, data).ravel(), data.previous_input]),
             lbx=lower,
             ubx=upper,
-            lbg=-at.constraint_limit,
-            ubg=at.constraint_limit,
+            lbg=-limit,
+            ubg=limit,
             lam_x0=self._bound_multipliers,
             lam_g0=self._multipliers,
         )
@@ -166,16 +172,18 @@ class CasadiNmpc:
         z = join(variables[at.states[0]], variables[at.inputs])
         return z, float(result["f"]), stats["iter_count"], message
 
-    def _variable_bounds(self, data: TrackingData) -> tuple[np.ndarray, np.ndarray]:
-        """Returns bounds (size,) on all variables; the first rate bound is one on u_0."""
-        at, limit = self._transcription, self._problem.rate_limit
+    def _variable_bounds(
+        self, data: TrackingData, first_move: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Returns bounds (size,) on all variables; the limit (m,) of the first move is one."""
+        at = self._transcription
         lower, upper = np.full(at.size, -np.inf), np.full(at.size, np.inf)
         lower[at.states[0]] = data.state - data.half_width
         upper[at.states[0]] = data.state + data.half_width
         lower[at.inputs], upper[at.inputs] = data.input_lower, data.input_upper
         first = at.inputs[0]
-        lower[first] = np.maximum(lower[first], data.previous_input - limit)
-        upper[first] = np.minimum(upper[first], data.previous_input + limit)
+        lower[first] = np.maximum(lower[first], data.previous_input - first_move)
+        upper[first] = np.minimum(upper[first], data.previous_input + first_move)
         return lower, upper
 
     def _initial_point(self, guess: np.ndarray) -> np.ndarray:
@@ -184,8 +192,7 @@ class CasadiNmpc:
         point = np.empty(at.size)
         point[at.states] = self._problem.model.roll_out(x0, inputs, self._problem.period)
         point[at.inputs] = inputs
-        if at.copies.size:
-            point[at.copies] = inputs[:-1]
+        point[at.copies] = inputs[: len(at.copies)]
         return point
 
 
@@ -212,35 +219,38 @@ def _transcribe(casadi: ModuleType, problem: TrackingProblem, *, lifted: bool) -
     references, previous = symbol("r", POSE_SIZE, N), symbol("u_previous", m)
     parameters = casadi.vertcat(casadi.vec(references), previous)
     state = symbol("x0", n)
-    variables, constraints, limits = [state], [], []
+    variables, constraints = [state], []
     cost = 0.0
-    states, inputs, copies, size = [np.arange(n)], [], [], n
+    states, inputs, copies, moves = [np.arange(n)], [], [], []
+    size = {"x": n, "g": 0}
 
-    def add(name: str, length: int) -> tuple[Any, np.ndarray]:
-        nonlocal size
+    def new_indices(of: str, length: int) -> np.ndarray:
+        size[of] += length
+        return size[of] - length + np.arange(length)
+
+    def new_variable(name: str, length: int) -> tuple[Any, np.ndarray]:
         variables.append(symbol(name, length))
-        size += length
-        return variables[-1], size - length + np.arange(length)
+        return variables[-1], new_indices("x", length)
 
-    def constrain(expression: object, limit: np.ndarray) -> None:
+    def constrain(expression: object, length: int) -> np.ndarray:
         constraints.append(expression)
-        limits.append(limit)
+        return new_indices("g", length)
 
     for k in range(N):
-        u, indices = add(f"u{k}", m)
+        u, indices = new_variable(f"u{k}", m)
         inputs.append(indices)
         successor = rk4_step(partial(_derivative, casadi, model, u=u), state, problem.period)
-        state, indices = add(f"x{k + 1}", n)
+        state, indices = new_variable(f"x{k + 1}", n)
         states.append(indices)
-        constrain(successor - state, np.zeros(n))
+        constrain(successor - state, n)
         move = u - previous
         previous = u
         if lifted and k < N - 1:
-            previous, indices = add(f"u{k}_copy", m)
+            previous, indices = new_variable(f"u{k}_copy", m)
             copies.append(indices)
-            constrain(u - previous, np.zeros(m))
+            constrain(u - previous, m)
         if k > 0:
-            constrain(move, problem.rate_limit)
+            moves.append(constrain(move, m))
         error = state[POSE] - references[:, k]
         cost += casadi.bilin(problem.state_weight, error, error)
         cost += casadi.bilin(problem.input_weight, u, u)
@@ -253,12 +263,13 @@ def _transcribe(casadi: ModuleType, problem: TrackingProblem, *, lifted: bool) -
         "p": parameters,
     }
     return _Transcription(
-        program,
-        np.array(states),
-        np.array(inputs),
-        np.array(copies, dtype=int),
-        np.concatenate(limits),
-        size,
+        program=program,
+        states=np.array(states),
+        inputs=np.array(inputs),
+        copies=np.array(copies, dtype=int).reshape(-1, m),
+        moves=np.array(moves, dtype=int).reshape(-1, m),
+        size=size["x"],
+        num_constraints=size["g"],
     )
 
 
