@@ -28,6 +28,7 @@ from mirte_drake.model.sparse_model import SparseModel
 from mirte_drake.vectors import POSE, POSE_SIZE
 
 METHODS = ("casadi_ipopt", "casadi_sqp_hpipm")
+CASADI_HINT = "needs the package casadi: pip install mirte-drake[benchmark]"
 
 # Each option below was kept because the solver is slower or fails without it. Nothing is
 # compiled: that is what `pip install casadi` gives.
@@ -200,7 +201,7 @@ def _import_casadi() -> ModuleType:
     try:
         import casadi  # Optional, and slow to load: only for those who compare.
     except ImportError:
-        raise UserError("needs the package casadi: pip install mirte-drake[benchmark]") from None
+        raise UserError(CASADI_HINT) from None
     return casadi
 
 

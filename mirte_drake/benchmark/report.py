@@ -13,6 +13,8 @@ from mirte_drake.benchmark.solvers import BASELINE, has_casadi
 from mirte_drake.benchmark.study import Benchmark
 from mirte_drake.run import versions
 
+REPORT_FILE = "benchmark.json"
+
 # The fastest solver of each form that finds the optimum.
 CONDENSED, SPARSE = "converged", "casadi_sqp_hpipm"
 
@@ -46,7 +48,7 @@ def report(benchmark: Benchmark) -> dict[str, object]:
         "states": _scaling_report(benchmark.states, "num_states")
         | {"model": list(benchmark.states.labels)},
         "conditions": {
-            "threads": os.environ.get("OMP_NUM_THREADS", "not set"),
+            "omp_num_threads": os.environ.get("OMP_NUM_THREADS", "not set"),
             "garbage_collection": "off while timing",
             "machine": platform.machine(),
             "processors": os.cpu_count(),
@@ -66,7 +68,7 @@ def table(report: dict) -> str:
     )
     lines = [
         f"Solve time [ms] on {report['problems']} logged problems of {report['scenario']}; "
-        f"{report['conditions']['threads']} thread(s), period {period:g} ms",
+        f"OMP_NUM_THREADS {report['conditions']['omp_num_threads']}, period {period:g} ms",
         head,
     ]
     for name, row in solvers.items():

@@ -1,10 +1,12 @@
 """The solvers that are compared, by name."""
 
 import importlib.util
+from collections.abc import Iterable
 
-from mirte_drake.benchmark.casadi_peer import METHODS, CasadiNmpc
+from mirte_drake.benchmark.casadi_peer import CASADI_HINT, METHODS, CasadiNmpc
 from mirte_drake.control.nmpc_solver import SOLVERS, NmpcSolver, make_nmpc_solver
 from mirte_drake.control.tracking_problem import TrackingProblem
+from mirte_drake.errors import UserError
 
 SOLVER_NAMES = (*SOLVERS, *METHODS)
 BASELINE = "casadi_ipopt"  # What the others' speed is stated against.
@@ -24,6 +26,22 @@ def has_casadi() -> bool:
 def available_solvers() -> tuple[str, ...]:
     """Returns the solvers that this installation has."""
     return SOLVER_NAMES if has_casadi() else SOLVERS
+
+
+def check_solvers(names: Iterable[str]) -> tuple[str, ...]:
+    """Returns names of solvers, each once.
+
+    Raises:
+        UserError: for a name that is not known, or a package that is missing.
+    """
+    names = tuple(dict.fromkeys(names))
+    for name in names:
+        if name not in SOLVER_NAMES:
+            known = ", ".join(SOLVER_NAMES)
+            raise UserError(f"solver {name!r} is not known: use some of {known}")
+        if name not in available_solvers():
+            raise UserError(f"solver {name!r} {CASADI_HINT}")
+    return names
 
 
 def make_solver(problem: TrackingProblem, name: str) -> NmpcSolver:
