@@ -6,6 +6,7 @@ inputs: x_{i+1} = RK4(x_i, u_i) are constraints, and the cost is a plain quadrat
 
 import dataclasses as dc
 import time
+from collections.abc import Callable
 from functools import partial
 from types import ModuleType
 from typing import Any
@@ -107,7 +108,9 @@ class CasadiNmpc:
         casadi = _import_casadi()
         self._problem = problem
         ipopt = method == "casadi_ipopt"
-        self._transcription = _transcribe(casadi, problem, lifted=not ipopt)
+        step = _step(casadi, problem.model, problem.period)
+        self._roll_out = step.mapaccum(problem.horizon)
+        self._transcription = _transcribe(casadi, problem, step, lifted=not ipopt)
         options = IPOPT_OPTIONS if ipopt else SQP_OPTIONS | _stages(problem)
         if tolerance is not None:
             names = ("ipopt.tol",) if ipopt else ("tol_pr", "tol_du")
@@ -191,7 +194,8 @@ class CasadiNmpc:
         at = self._transcription
         x0, inputs = split(self._problem, guess)
         point = np.empty(at.size)
-        point[at.states] = self._problem.model.roll_out(x0, inputs, self._problem.period)
+        point[at.states[0]] = x0
+        point[at.states[1:]] = self._roll_out(x0, inputs.T).full().T
         point[at.inputs] = inputs
         point[at.copies] = inputs[: len(at.copies)]
         return point
@@ -205,12 +209,19 @@ def _import_casadi() -> ModuleType:
     return casadi
 
 
-def _transcribe(casadi: ModuleType, problem: TrackingProblem, *, lifted: bool) -> _Transcription:
+def _transcribe(
+    casadi: ModuleType,
+    problem: TrackingProblem,
+    step: Callable[..., Any],
+    *,
+    lifted: bool,
+) -> _Transcription:
     """Writes the nonlinear program, variables in the order x_0, u_0, x_1, u_1, ..., x_N.
 
     Args:
         casadi: The package.
         problem: The problem.
+        step: Gives the next state of a state and an input.
         lifted: Whether x_1 .. x_{N-1} are followed by a copy of the input before, so that no
             constraint reaches over stages.
     """
@@ -240,7 +251,7 @@ def _transcribe(casadi: ModuleType, problem: TrackingProblem, *, lifted: bool) -
     for k in range(N):
         u, indices = new_variable(f"u{k}", m)
         inputs.append(indices)
-        successor = rk4_step(partial(_derivative, casadi, model, u=u), state, problem.period)
+        successor = step(state, u)
         state, indices = new_variable(f"x{k + 1}", n)
         states.append(indices)
         constrain(successor - state, n)
@@ -284,6 +295,13 @@ def _stages(problem: TrackingProblem) -> dict[str, object]:
         "ng": [0, *[m] * (N - 1), 0],  # The rate constraints.
     }
     return {"qpsol": "hpipm", "qpsol_options": HPIPM_OPTIONS | sizes}
+
+
+def _step(casadi: ModuleType, model: SparseModel, period: float) -> Any:  # noqa: ANN401
+    """Returns the CasADi function of one sample with the input held (RK4)."""
+    x, u = casadi.SX.sym("x", model.num_states), casadi.SX.sym("u", model.num_inputs)
+    successor = rk4_step(partial(_derivative, casadi, model, u=u), x, period)
+    return casadi.Function("step", [x, u], [successor])
 
 
 def _derivative(casadi: ModuleType, model: SparseModel, x: Any, u: Any) -> Any:  # noqa: ANN401 SX

@@ -15,6 +15,8 @@ HORIZONS = (10, 20, 50, 100)
 MODELS = ("kinematic", "extended_kinematic", "dynamic")
 
 SAMPLES = 40  # Of the ideal run: the first 4 s, which has the robot under way.
+REPEATS = 3  # Rounds over the problems of each size,
+TIME_BUDGET = 0.5  # [s] as far as a solver has not used this.
 SLOW = 0.1  # [s] A solver with a longer median is not tried on larger problems.
 
 
@@ -120,7 +122,8 @@ def _scaling(
         made = {name: make_solver(problem, name) for name in names}
         if made:
             samples = list(drive_ideally(problem, make_driver(problem), typical, poses, SAMPLES))
-            measured = measure(problem, made, choose_pairs(samples[SAMPLES // 2 :], count))
+            pairs = choose_pairs(samples[SAMPLES // 2 :], count)
+            measured = measure(problem, made, pairs, repeats=REPEATS, time_budget=TIME_BUDGET)
             for name, measurement in measured.items():
                 if np.any(measurement.success):
                     solved = measurement.solve_time[measurement.success]
