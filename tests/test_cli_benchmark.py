@@ -23,8 +23,8 @@ def test_benchmark_writes_what_it_says(tmp_path, capsys):
     assert (summary["scenario"], summary["problems"], summary["repeats"]) == ("circle", 3, 1)
     row = summary["solvers"]["snopt"]
     assert set(row) == {
-        "solves", "failures", "solve_time_ms", "share_of_period", "speedup", "iterations",
-        "optimality_gap", "rate_violation_pwm",
+        "solves", "failures", "solve_time_ms", "share_of_period", "processor_share", "speedup",
+        "iterations", "optimality_gap", "rate_violation_pwm",
     }  # fmt: skip
     assert row["solves"] == 3 and row["failures"] == 0
     assert set(row["solve_time_ms"]) == {"p50", "p99", "p99_9", "max"}

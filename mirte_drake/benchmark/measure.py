@@ -5,6 +5,7 @@ import gc
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,11 +24,19 @@ FEASIBLE = 1e-9
 class Measurement:
     """What one solver did; one entry for each solve."""
 
-    solve_time: np.ndarray  # [s]
+    solve_time: np.ndarray  # [s] wall clock.
+    processor_time: np.ndarray  # [s] of all threads of the process.
     iterations: np.ndarray
     gap: np.ndarray  # (cost - optimum) / optimum; NaN where the solve failed.
     rate_violation: np.ndarray  # [pwm] beyond the rate constraints; the bounds are met exactly.
     success: np.ndarray  # bool
+
+
+class _Solve(NamedTuple):
+    index: int  # Of the problem.
+    wall_time: float  # [s]
+    processor_time: float  # [s]
+    solution: NmpcSolution
 
 
 def measure(
@@ -62,26 +71,27 @@ def measure(
     optimum = np.full(len(pairs), np.inf)
     if reference is not None:
         for index, pair in enumerate(pairs):
-            solution = _solve_in_order(reference, pair)[0]
+            solution = _solve_in_order(reference, pair, index).solution
             optimum[index] = _optimum(problem, pair[1].data, solution)
-    records: dict[str, list[tuple[int, float, NmpcSolution]]] = {name: [] for name in names}
+    records: dict[str, list[_Solve]] = {name: [] for name in names}
     spent = dict.fromkeys(names, 0.0)
     for name in names:
-        _solve_in_order(solvers[name], pairs[0])
+        _solve_in_order(solvers[name], pairs[0], 0)
     turn = 0
     with collection_off():
         for _ in range(repeats):
             taking_part = [name for name in names if spent[name] < time_budget]
             for index, pair in enumerate(pairs):
                 for name in _rotated(taking_part, turn):
-                    solution, seconds = _solve_in_order(solvers[name], pair)
-                    records[name].append((index, seconds, solution))
-                    spent[name] += seconds
+                    solve = _solve_in_order(solvers[name], pair, index)
+                    records[name].append(solve)
+                    spent[name] += solve.wall_time
                 turn += 1
                 on_problem()
     for rows in records.values():
-        for index, _, solution in rows:
-            optimum[index] = min(optimum[index], _optimum(problem, pairs[index][1].data, solution))
+        for solve in rows:
+            cost = _optimum(problem, pairs[solve.index][1].data, solve.solution)
+            optimum[solve.index] = min(optimum[solve.index], cost)
     return {name: _evaluate(problem, pairs, optimum, rows) for name, rows in records.items()}
 
 
@@ -113,13 +123,14 @@ def _rotated(names: Sequence[str], turn: int) -> list[str]:
     return [*names[first:], *names[:first]]
 
 
-def _solve_in_order(solver: NmpcSolver, pair: tuple[Sample, Sample]) -> tuple[NmpcSolution, float]:
-    """Solves the sample before and then the sample; returns its solution and its time [s]."""
+def _solve_in_order(solver: NmpcSolver, pair: tuple[Sample, Sample], index: int) -> _Solve:
+    """Solves the sample before and then, timed, the sample."""
     before, sample = pair
     solver.solve(before.data, before.guess)
-    start = time.perf_counter()
+    processor, wall = time.process_time(), time.perf_counter()
     solution = solver.solve(sample.data, sample.guess)
-    return solution, time.perf_counter() - start
+    wall, processor = time.perf_counter() - wall, time.process_time() - processor
+    return _Solve(index, wall, processor, solution)
 
 
 def _optimum(problem: TrackingProblem, data: TrackingData, solution: NmpcSolution) -> float:
@@ -133,19 +144,19 @@ def _evaluate(
     problem: TrackingProblem,
     pairs: Sequence[Pair],
     optimum: np.ndarray,
-    rows: Sequence[tuple[int, float, NmpcSolution]],
+    rows: Sequence[_Solve],
 ) -> Measurement:
     gap, violation = np.full(len(rows), np.nan), np.full(len(rows), np.nan)
-    for row, (index, _, solution) in enumerate(rows):
-        if solution.success:
-            data = pairs[index][1].data
-            cost = true_cost(problem, data, solution)
-            gap[row] = (cost - optimum[index]) / optimum[index]
-            violation[row] = rate_violation(problem, data, solution)
+    for row, solve in enumerate(rows):
+        if solve.solution.success:
+            data, best = pairs[solve.index][1].data, optimum[solve.index]
+            gap[row] = (true_cost(problem, data, solve.solution) - best) / best
+            violation[row] = rate_violation(problem, data, solve.solution)
     return Measurement(
-        np.array([seconds for _, seconds, _ in rows]),
-        np.array([solution.iterations for _, _, solution in rows]),
+        np.array([solve.wall_time for solve in rows]),
+        np.array([solve.processor_time for solve in rows]),
+        np.array([solve.solution.iterations for solve in rows]),
         gap,
         violation,
-        np.array([solution.success for _, _, solution in rows], dtype=bool),
+        np.array([solve.solution.success for solve in rows], dtype=bool),
     )

@@ -50,6 +50,7 @@ def report(benchmark: Benchmark) -> dict[str, object]:
         "conditions": {
             "omp_num_threads": os.environ.get("OMP_NUM_THREADS", "not set"),
             "garbage_collection": "off while timing",
+            "processor_share": _processor_share(benchmark),
             "machine": platform.machine(),
             "processors": os.cpu_count(),
         },
@@ -60,7 +61,7 @@ def report(benchmark: Benchmark) -> dict[str, object]:
 def table(report: dict) -> str:
     """Returns a report for a person to read."""
     solvers, loops, calls = report["solvers"], report["closed_loop"], report["first_call"]
-    period = 1e3 * report["period_s"]
+    period, conditions = 1e3 * report["period_s"], report["conditions"]
     count = max(len(name) for name in solvers)
     head = (
         f"{'solver':{count}}  {'p50':>8} {'p99':>8} {'p99.9':>8} {'max':>8}  "
@@ -68,7 +69,9 @@ def table(report: dict) -> str:
     )
     lines = [
         f"Solve time [ms] on {report['problems']} logged problems of {report['scenario']}; "
-        f"OMP_NUM_THREADS {report['conditions']['omp_num_threads']}, period {period:g} ms",
+        f"period {period:g} ms, OMP_NUM_THREADS {conditions['omp_num_threads']}",
+        f"(processor time is {100 * conditions['processor_share']:.0f}% of it: less than 100% when "
+        "others took the processor, more with several threads)",
         head,
     ]
     for name, row in solvers.items():
@@ -121,6 +124,9 @@ def _solver_report(benchmark: Benchmark, measurement: Measurement) -> dict[str, 
         "failures": int(np.sum(~measurement.success)),
         "solve_time_ms": {key: 1e3 * value for key, value in times.items()},
         "share_of_period": {key: value / benchmark.period for key, value in times.items()},
+        "processor_share": float(
+            np.sum(measurement.processor_time) / np.sum(measurement.solve_time)
+        ),
         "speedup": None if baseline is None else _speedup(baseline, measurement),
         "iterations": {
             "p50": float(np.median(measurement.iterations)),
@@ -134,6 +140,13 @@ def _solver_report(benchmark: Benchmark, measurement: Measurement) -> dict[str, 
             np.max(measurement.rate_violation, initial=0.0, where=measurement.success)
         ),
     }
+
+
+def _processor_share(benchmark: Benchmark) -> float:
+    """Processor time over wall clock, all solves: 1 is one thread that was never interrupted."""
+    rows = benchmark.solves.values()
+    busy = sum(float(np.sum(row.processor_time)) for row in rows)
+    return busy / sum(float(np.sum(row.solve_time)) for row in rows)
 
 
 def _speedup(baseline: Measurement, measurement: Measurement) -> float:

@@ -21,6 +21,9 @@ class Clock:
     def perf_counter(self) -> float:
         return self.now
 
+    def process_time(self) -> float:
+        return 0.5 * self.now
+
 
 class Scripted:
     """Takes a given time, and applies the same input at every stage."""
@@ -78,6 +81,7 @@ def test_only_the_timed_solve_counts(problem, samples, clock):
     solvers = {"slow": Scripted("slow", clock, [], 3.0, 0.0)}
     measured = measure(problem, solvers, choose_pairs(samples, 4), repeats=2)["slow"]
     np.testing.assert_array_equal(measured.solve_time, np.full(8, 3.0))
+    np.testing.assert_array_equal(measured.processor_time, np.full(8, 1.5))
     np.testing.assert_array_equal(measured.iterations, np.full(8, 7))
 
 

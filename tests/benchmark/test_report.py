@@ -18,7 +18,7 @@ def measurement(milliseconds, gaps=(1e-6, 3e-6, np.nan)) -> Measurement:
     success = ~np.isnan(gap)
     times = 1e-3 * np.array(milliseconds)
     violation = np.where(success, 1e-7, np.nan)
-    return Measurement(times, np.array([2, 4, 3]), gap, violation, success)
+    return Measurement(times, 0.5 * times, np.array([2, 4, 3]), gap, violation, success)
 
 
 @pytest.fixture
@@ -60,6 +60,7 @@ def test_report_of_known_numbers(benchmark):
     assert row["share_of_period"]["max"] == pytest.approx(0.003)
     assert row["speedup"] == pytest.approx(20.0)
     assert result["solvers"]["casadi_ipopt"]["speedup"] == 1.0
+    assert row["processor_share"] == result["conditions"]["processor_share"] == pytest.approx(0.5)
     assert row["iterations"] == {"p50": 3.0, "max": 4}
     assert row["optimality_gap"] == pytest.approx({"p50": 2e-6, "max": 3e-6})
     assert row["rate_violation_pwm"] == pytest.approx(1e-7)
