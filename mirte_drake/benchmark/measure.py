@@ -33,7 +33,7 @@ class Measurement:
 
 
 class _Solve(NamedTuple):
-    index: int  # Of the problem.
+    problem: int  # Its index.
     wall_time: float  # [s]
     processor_time: float  # [s]
     solution: NmpcSolution
@@ -90,8 +90,8 @@ def measure(
                 on_problem()
     for rows in records.values():
         for solve in rows:
-            cost = _optimum(problem, pairs[solve.index][1].data, solve.solution)
-            optimum[solve.index] = min(optimum[solve.index], cost)
+            cost = _optimum(problem, pairs[solve.problem][1].data, solve.solution)
+            optimum[solve.problem] = min(optimum[solve.problem], cost)
     return {name: _evaluate(problem, pairs, optimum, rows) for name, rows in records.items()}
 
 
@@ -149,7 +149,7 @@ def _evaluate(
     gap, violation = np.full(len(rows), np.nan), np.full(len(rows), np.nan)
     for row, solve in enumerate(rows):
         if solve.solution.success:
-            data, best = pairs[solve.index][1].data, optimum[solve.index]
+            data, best = pairs[solve.problem][1].data, optimum[solve.problem]
             gap[row] = (true_cost(problem, data, solve.solution) - best) / best
             violation[row] = rate_violation(problem, data, solve.solution)
     return Measurement(
