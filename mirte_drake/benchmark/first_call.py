@@ -13,39 +13,33 @@ from pathlib import Path
 STAGES = ("import_s", "construction_s", "first_solve_s")
 
 
-def first_call(name: str, problem: object, data: object, guess: object) -> dict[str, float]:
+def first_call(
+    name: str, problem: object, data: object, guess: object, *, compiled: bool = True
+) -> dict[str, float]:
     """Returns the seconds that each of ``STAGES`` takes in a new process.
-
-    Code that a solver compiles is not found from an earlier run: the worst case. Where it leaves
-    any, ``restart_s`` says what all stages take together the next time.
 
     Args:
         name: One of ``SOLVER_NAMES``.
         problem: The TrackingProblem.
         data: The TrackingData to solve.
         guess: The decision vector to begin from.
+        compiled: False hides what earlier processes compiled, as after an installation.
 
     Raises:
         RuntimeError: when the process fails.
     """
-    request = pickle.dumps((name, problem, data, guess))
-    with tempfile.TemporaryDirectory() as cache:
-        stages = _run(request, cache)
-        if any(Path(cache).iterdir()):
-            stages["restart_s"] = sum(_run(request, cache).values())
-    return stages
-
-
-def _run(request: bytes, cache: str) -> dict[str, float]:
     package = Path(__file__).parents[2]
     paths = [str(package), *filter(None, [os.environ.get("PYTHONPATH")])]
-    environment = os.environ | {"NUMBA_CACHE_DIR": cache, "PYTHONPATH": os.pathsep.join(paths)}
-    done = subprocess.run(
-        [sys.executable, "-m", "mirte_drake.benchmark.first_call"],
-        input=request,
-        capture_output=True,
-        env=environment,
-    )
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths)}
+    with tempfile.TemporaryDirectory() as empty:
+        if not compiled:
+            environment["NUMBA_CACHE_DIR"] = empty
+        done = subprocess.run(
+            [sys.executable, "-m", "mirte_drake.benchmark.first_call"],
+            input=pickle.dumps((name, problem, data, guess)),
+            capture_output=True,
+            env=environment,
+        )
     if done.returncode:
         lines = done.stderr.decode().strip().splitlines() or ["no message"]
         raise RuntimeError(f"first call in a fresh process failed: {lines[-1]}")

@@ -39,10 +39,8 @@ def report(benchmark: Benchmark) -> dict[str, object]:
             }
             for name, loop in benchmark.closed_loops.items()
         },
-        "first_call": {
-            name: stages | {"total_s": _total(stages)}
-            for name, stages in benchmark.first_calls.items()
-        },
+        "first_call": _call_report(benchmark.first_calls),
+        "first_call_after_installation": _call_report(benchmark.installation_calls),
         "horizon": _scaling_report(benchmark.horizons, "horizon")
         | {"crossover": _crossover_report(benchmark.horizons)},
         "states": _scaling_report(benchmark.states, "num_states")
@@ -98,11 +96,14 @@ def table(report: dict) -> str:
     lines += [
         "",
         "First call in a fresh process [s]",
-        f"{'solver':{count}}  {'import':>8} {'build':>8} {'solve':>8} {'total':>8} {'restart':>8}",
+        f"{'solver':{count}}  {'import':>8} {'build':>8} {'solve':>8} {'total':>8}",
     ]
     for name, row in calls.items():
-        keys = ("import_s", "construction_s", "first_solve_s", "total_s", "restart_s")
-        lines.append(f"{name:{count}}  {_numbers([row.get(key) for key in keys], 8, '.2f')}")
+        lines.append(f"{name:{count}}  {_numbers(row.values(), 8, '.2f')}")
+    for name, row in report["first_call_after_installation"].items():
+        lines.append(
+            f"With nothing compiled yet, as after an installation: {name} {row['total_s']:.1f} s"
+        )
     lines += ["", *_scaling_table(report["horizon"], "horizon", count, exponent=True)]
     crossing = report["horizon"]["crossover"]
     if crossing is not None:
@@ -205,8 +206,8 @@ def _known(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _total(stages: dict[str, float]) -> float:
-    return sum(value for key, value in stages.items() if key != "restart_s")
+def _call_report(calls: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
+    return {name: stages | {"total_s": sum(stages.values())} for name, stages in calls.items()}
 
 
 def _casadi_version() -> dict[str, str]:

@@ -28,6 +28,7 @@ class BenchmarkSettings:
     loop_duration: float | None = None  # [s] of the closed loops; None: the scenario's.
     horizons: tuple[int, ...] = HORIZONS
     scaling_problems: int = 10  # At each horizon and model.
+    after_installation: bool = True  # Whether to find out what the very first call costs.
 
     def validate(self) -> None:
         """Raises ValueError when a value is out of range."""
@@ -42,6 +43,7 @@ QUICK = BenchmarkSettings(
     loop_duration=4.0,
     horizons=(10, 20),
     scaling_problems=3,
+    after_installation=False,
 )
 
 
@@ -55,7 +57,8 @@ class Benchmark:
     problems: int  # So many the run had to give.
     solves: dict[str, Measurement]
     closed_loops: dict[str, ClosedLoop]
-    first_calls: dict[str, dict[str, float]]  # [s]
+    first_calls: dict[str, dict[str, float]]  # [s] in a fresh process.
+    installation_calls: dict[str, dict[str, float]]  # [s] with nothing compiled: the first solver.
     horizons: Scaling
     states: Scaling
 
@@ -63,7 +66,7 @@ class Benchmark:
 def progress_length(settings: BenchmarkSettings, scenario: Scenario, solvers: int) -> int:
     """Returns how often ``run_benchmark`` reports progress, as the length of a bar."""
     loop = _loop_scenario(settings, scenario)
-    long_steps = len(settings.horizons) + 1 + solvers
+    long_steps = len(settings.horizons) + 2 + solvers
     timed = min(settings.problems, loop.steps - 1) * settings.repeats
     return 2 * loop.steps + timed + long_steps * LONG_STEP
 
@@ -127,10 +130,17 @@ def run_benchmark(
     )
     states = state_scaling(problem, solvers, typical, poses, count=settings.scaling_problems)
     long_step()
+    first = pairs[0][1]
     first_calls = {}
     for solver in solvers:
-        first_calls[solver] = first_call(solver, problem, pairs[0][1].data, pairs[0][1].guess)
+        first_calls[solver] = first_call(solver, problem, first.data, first.guess)
         long_step()
+    installation_calls = {}
+    if settings.after_installation:
+        # The controller's solvers share what they compile, so that one stands for all.
+        stages = first_call(solvers[0], problem, first.data, first.guess, compiled=False)
+        installation_calls[solvers[0]] = stages
+    long_step()
     return Benchmark(
         name,
         scenario.period,
@@ -139,6 +149,7 @@ def run_benchmark(
         measured,
         closed_loops,
         first_calls,
+        installation_calls,
         horizons,
         states,
     )

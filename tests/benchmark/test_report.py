@@ -38,13 +38,9 @@ def benchmark() -> Benchmark:
         },
         closed_loops={"converged": loop},
         first_calls={
-            "converged": {
-                "import_s": 1.0,
-                "construction_s": 2.0,
-                "first_solve_s": 4.0,
-                "restart_s": 0.5,
-            }
+            "converged": {"import_s": 1.0, "construction_s": 2.0, "first_solve_s": 4.0},
         },
+        installation_calls={"converged": {"import_s": 1.0, "first_solve_s": 12.25}},
         horizons=Scaling((10, 20), ("10", "20"), {"converged": fast, "casadi_sqp_hpipm": slow}),
         states=Scaling((3, 6), ("kinematic", "dynamic"), {"converged": np.array([1e-3, np.nan])}),
     )
@@ -68,6 +64,7 @@ def test_report_of_known_numbers(benchmark):
     assert loop["rmse"] == pytest.approx({"x_m": np.sqrt(12.5), "y_m": 0.0, "yaw_rad": 1.0})
     assert loop["failures"] == 1 and loop["solve_time_ms"]["p50"] == pytest.approx(2.0)
     assert result["first_call"]["converged"]["total_s"] == 7.0
+    assert result["first_call_after_installation"]["converged"]["total_s"] == 13.25
     horizon = result["horizon"]
     assert horizon["growth_exponent"] == pytest.approx({"converged": 3, "casadi_sqp_hpipm": 1})
     # 1 * 2^(3 s) = 4 * 2^s at s = 1: they meet at 20, where neither is faster.
@@ -92,6 +89,7 @@ def test_without_the_baseline_there_is_no_speedup(benchmark):
 def test_table_has_every_part(benchmark):
     text = table(report(benchmark))
     assert "converged" in text and "20.0" in text and "1/3" in text
+    assert "With nothing compiled yet, as after an installation: converged 13.2 s" in text
     assert "is faster than converged at none of these horizons" in text
     crossing = dc.replace(
         benchmark.horizons,
