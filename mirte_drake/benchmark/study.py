@@ -24,7 +24,7 @@ class BenchmarkSettings:
 
     problems: int = 100  # Logged problems.
     repeats: int = 10  # Rounds over them: 1000 solves are needed for the 99.9th percentile.
-    time_budget: float = 10.0  # [s] A solver that has used it sits out further rounds.
+    time_budget: float = 5.0  # [s] A solver that has used it sits out further rounds.
     loop_duration: float | None = None  # [s] of the closed loops; None: the scenario's.
     horizons: tuple[int, ...] = HORIZONS
     scaling_problems: int = 10  # At each horizon and model.

@@ -13,7 +13,7 @@ from mirte_drake.visualization.style import FORMATS, SOLVERS, Line, write_figure
 BENCHMARK_FILES = tuple(f"benchmark.{suffix}" for suffix in FORMATS)
 
 _BINS_PER_DECADE = 30
-_HEIGHT = 0.72  # Of the tallest bin, where solvers stand one apart.
+_HEIGHT = 0.6  # Of the tallest bin, where solvers stand one apart.
 
 
 def benchmark_figure(
