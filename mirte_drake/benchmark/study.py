@@ -37,12 +37,12 @@ class BenchmarkSettings:
 
 
 QUICK = BenchmarkSettings(
-    problems=20,
+    problems=10,
     repeats=2,
-    time_budget=1.0,
-    loop_duration=4.0,
+    time_budget=0.5,
+    loop_duration=3.0,
     horizons=(10, 20),
-    scaling_problems=3,
+    scaling_problems=2,
     after_installation=False,
 )
 

@@ -14,7 +14,7 @@ from mirte_drake.cli.options import commands, output_option, set_option
 @click.option(
     "--problems",
     type=click.IntRange(min=1),
-    help="Logged problems to solve; 100, or 20 with --quick.",
+    help="Logged problems to solve; 100, or 10 with --quick.",
 )
 @click.option(
     "--repeats", type=click.IntRange(min=1), help="Rounds over the problems; 10, or 2 with --quick."
