@@ -4,7 +4,7 @@ import dataclasses as dc
 import importlib.metadata
 import platform
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -51,21 +51,29 @@ def simulate(scenario: Scenario, name: str, on_sample: Callable[[], object] = la
     """
     start = time.perf_counter()
     diagram = MakeDiagram(scenario)
-    simulator = Simulator(diagram)
-    simulator.get_mutable_integrator().set_target_accuracy(scenario.integration_accuracy)
     rows = []
-    simulator.Initialize()
-    for k in range(scenario.steps):
-        simulator.AdvanceTo(k * scenario.period)
-        # Runs the updates of this instant now, so that the plan and the command logged are those
-        # that follow from the pose logged.
-        simulator.AdvancePendingEvents()
-        rows.append(_sample(diagram, simulator.get_context()))
+    for context in samples(diagram, scenario):
+        rows.append(_sample(diagram, context))
         on_sample()
     log = {key: np.array([row[key] for row in rows]) for key in rows[0]}
     nmpc = diagram.GetSubsystemByName("controller").GetSubsystemByName("nominal_nmpc")
     assert isinstance(nmpc, NominalNmpc)
     return Run(name, scenario, log, nmpc.problem.rate_limit, time.perf_counter() - start)
+
+
+def samples(diagram: Diagram, scenario: Scenario) -> Iterator[Context]:
+    """Simulates the Diagram of a scenario and yields its Context at every sample.
+
+    The updates of that instant are done, so that plan and command are those that follow from the
+    pose.
+    """
+    simulator = Simulator(diagram)
+    simulator.get_mutable_integrator().set_target_accuracy(scenario.integration_accuracy)
+    simulator.Initialize()
+    for k in range(scenario.steps):
+        simulator.AdvanceTo(k * scenario.period)
+        simulator.AdvancePendingEvents()
+        yield simulator.get_context()
 
 
 def _sample(diagram: Diagram, context: Context) -> dict[str, object]:

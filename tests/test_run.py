@@ -118,7 +118,8 @@ def test_exactly_one_solve_per_sample(period, monkeypatch):
     overrides = [f"period={period}", f"duration={12 * period}"]
     log = simulate(load_scenario("rectangle", overrides), "rectangle").log
     np.testing.assert_allclose(log["time"], period * np.arange(13), atol=1e-12)
-    np.testing.assert_array_equal(solved, log["pose"])
+    # The first one is at rest, at construction, to compile.
+    np.testing.assert_array_equal(solved[1:], log["pose"])
 
 
 @pytest.mark.parametrize("name", ["robot_rectangle", "robot_circle"])

@@ -18,6 +18,7 @@ from mirte_drake.control.tracking_problem import (
     TrackingData,
     TrackingProblem,
     cost_and_gradient,
+    data_at_rest,
     gauss_newton_hessian,
     pose,
     rate_matrix,
@@ -68,6 +69,10 @@ class NmpcProgram:
         self._program.AddCost(self._evaluate, vars=y)
         self._solver = SnoptSolver() if solver == "snopt" else IpoptSolver()
         self._options = _options(solver, self._solver.solver_id(), tolerance, y.size)
+        # Compiles here what is not compiled yet: no solve has to wait for it.
+        at_rest, z = data_at_rest(problem), np.zeros(problem.size)
+        gauss_newton_hessian(problem, pose(problem, at_rest).project(z))
+        cost_and_gradient(problem, at_rest, z)
 
     def prepare(self, guess: np.ndarray) -> None:
         """These solvers have nothing to prepare."""

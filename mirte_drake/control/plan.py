@@ -7,7 +7,13 @@ import numpy as np
 
 from mirte_drake.control.nmpc_solution import NmpcSolution
 from mirte_drake.control.reference_paths import slew
-from mirte_drake.control.tracking_problem import TrackingData, TrackingProblem, shift, split
+from mirte_drake.control.tracking_problem import (
+    TrackingData,
+    TrackingProblem,
+    data_at_rest,
+    shift,
+    split,
+)
 
 MAX_SHIFTS = 3
 
@@ -68,10 +74,9 @@ class Plan:
 
 def idle_plan(problem: TrackingProblem) -> Plan:
     """Returns the plan before the first solve: at the origin, wheels at rest."""
-    n, m, N = problem.model.num_states, problem.model.num_inputs, problem.horizon
-    zeros = np.zeros((N, m))
-    data = TrackingData(np.zeros(n), np.zeros((N + 1, 3)), np.zeros(n), zeros, zeros, np.zeros(m))
-    return Plan(-1, SolveStatus.STOPPING, "no solve yet", np.zeros((N + 1, n)), zeros, data)
+    data = data_at_rest(problem)
+    states = np.zeros((problem.horizon + 1, problem.model.num_states))
+    return Plan(-1, SolveStatus.STOPPING, "no solve yet", states, data.input_lower, data)
 
 
 def warm_start(problem: TrackingProblem, previous: Plan, state: np.ndarray) -> np.ndarray:

@@ -17,6 +17,7 @@ from mirte_drake.control.tracking_problem import (
     PosedProblem,
     TrackingData,
     TrackingProblem,
+    data_at_rest,
     pose,
     rate_matrix,
 )
@@ -123,6 +124,9 @@ class RealtimeNmpc:
         self._stages = problem.horizon, problem.model.num_inputs
         self._no_jacobians = np.zeros((0, self._num_states, 0))
         self._prepared: _Linearisation | None = None
+        self._reset()
+        # Compiles here what is not compiled yet: no later solve has to wait for it.
+        self.solve(data_at_rest(problem), np.zeros(problem.size))
         self._reset()
 
     def prepare(self, guess: np.ndarray) -> None:

@@ -95,6 +95,13 @@ def join(x0: np.ndarray, inputs: np.ndarray) -> np.ndarray:
     return np.concatenate([x0, inputs.ravel()])
 
 
+def data_at_rest(problem: TrackingProblem) -> TrackingData:
+    """Returns the data of a robot at rest at the origin, where it shall stay."""
+    n, m, N = problem.model.num_states, problem.model.num_inputs, problem.horizon
+    zeros = np.zeros((N, m))
+    return TrackingData(np.zeros(n), np.zeros((N + 1, 3)), np.zeros(n), zeros, zeros, np.zeros(m))
+
+
 class PosedProblem(NamedTuple):
     """The problem of one sample, ready to be solved; see ``pose``."""
 

@@ -15,7 +15,7 @@ from pydrake.systems.framework import (
 
 from mirte_drake.checks import check_array, check_choice, check_number
 from mirte_drake.control.dlqr import straight_line_terminal_weight
-from mirte_drake.control.nmpc_solver import SOLVERS, make_nmpc_solver
+from mirte_drake.control.nmpc_solver import SOLVERS, NmpcSolver, make_nmpc_solver
 from mirte_drake.control.plan import Plan, idle_plan, next_plan, warm_start
 from mirte_drake.control.tracking_problem import TrackingData, TrackingProblem
 from mirte_drake.model.prediction_model import PredictionModel
@@ -208,6 +208,10 @@ class NominalNmpc(LeafSystem):
     def problem(self) -> TrackingProblem:
         """The optimal control problem."""
         return self._problem
+
+    def use_solver(self, solver: NmpcSolver) -> None:
+        """Replaces the solver by another one for the same ``problem``, before any update."""
+        self._solver = solver
 
     def _get_plan(self, context: Context) -> Plan:
         return context.get_abstract_state(int(self._plan)).get_value()

@@ -42,6 +42,14 @@ PREDICTED: tuple[Line, ...] = (  # One for each model that is compared.
     {"color": "#762a83", "lw": 1.2, "ls": (0, (3, 1, 1, 1, 1, 1))},
     {"color": "#b35806", "lw": 1.2, "ls": (0, (10, 3))},
 )
+SOLVERS: tuple[Line, ...] = (  # One for each solver that is compared.
+    {"color": "#b2182b", "lw": 1.4, "ls": "-", "marker": "o", "ms": 4},
+    {"color": "#2166ac", "lw": 1.4, "ls": (0, (5, 2)), "marker": "s", "ms": 4},
+    {"color": "0.25", "lw": 1.1, "ls": (0, (6, 1.5, 1, 1.5)), "marker": "v", "ms": 4},
+    {"color": "#b35806", "lw": 1.1, "ls": (0, (1, 1)), "marker": "^", "ms": 4},
+    {"color": "#762a83", "lw": 1.1, "ls": (0, (3, 1, 1, 1, 1, 1)), "marker": "D", "ms": 3.5},
+    {"color": "#1b7837", "lw": 1.1, "ls": (0, (10, 3)), "marker": "P", "ms": 4.5},
+)
 
 
 def write_figures(figures: Mapping[str, Callable[[], Figure]], folder: Path) -> list[Path]:
