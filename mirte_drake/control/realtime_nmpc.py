@@ -21,8 +21,16 @@ from mirte_drake.control.tracking_problem import (
     pose,
     rate_matrix,
 )
+from mirte_drake.vectors import POSE
 
 CONTRACTION = 0.03  # A Hessian is kept while each step promises less than this of the last one.
+SLOW = 0.1  # Steps that promise more than this of the last one converge slowly.
+# [m, rad] Where the optimum stays farther than this from a reference, what Gauss-Newton's Hessian
+# leaves out, which is proportional to the error, can make a saddle look like a minimum.
+FAR = 0.2
+SADDLE = 1e-4  # A saddle is left by doubling steps: they may begin this much smaller.
+DIFFERENCE = 1e-5  # [m, rad, pwm] For a Hessian by differences of the gradient.
+SMALLEST_CURVATURE = 1e-12  # Relative to the largest.
 SMALLEST_STEP = 2.0**-10  # Of the line search.
 ROUNDING = 1e-12  # Of the cost, relative and absolute.
 PRIMAL_TOLERANCE = 1e-9  # [m, rad, pwm] Of a constraint in the quadratic programs.
@@ -75,8 +83,8 @@ class _QuadraticProgram:
 
     def solve(
         self, gradient: np.ndarray, lower: np.ndarray, upper: np.ndarray, first: bool
-    ) -> tuple[np.ndarray, float]:
-        """Returns the solution, and by how much it lowers the cost below that at zero.
+    ) -> tuple[np.ndarray, float, np.ndarray]:
+        """Returns the solution, by how much it lowers the cost, and the multipliers.
 
         ``first`` begins without an active set: that of the solve before may be another Context's.
 
@@ -86,10 +94,10 @@ class _QuadraticProgram:
         active = self._inactive if first else None
         flag = self._daqp.update(f=gradient, bupper=upper, blower=lower, sense=active)
         if flag == 0:
-            z, value, flag, _ = self._daqp.solve()
+            z, value, flag, info = self._daqp.solve()
         if flag != SOLVED:
             raise ValueError(f"quadratic program not solved: DAQP's exit flag is {flag}")
-        return z, -value
+        return z, -value, info["lam"]
 
 
 class RealtimeNmpc:
@@ -142,7 +150,7 @@ class RealtimeNmpc:
         states, jacobians = self._problem.model.roll_out_jacobians(
             *self._split(guess), self._problem.period
         )
-        self._set_hessian(jacobians)
+        self._set_hessian(self._gauss_newton_hessian(jacobians))
         duration = time.perf_counter() - start
         self._prepared = _Linearisation(guess.copy(), states, jacobians, duration)
 
@@ -190,23 +198,31 @@ class RealtimeNmpc:
         assert self._prepared is not None
         z, states, jacobians, _ = self._prepared
         iterate = self._weigh(posed, z, states, jacobians)
-        step, promise = self._solve_qp(posed, iterate, first=True)
+        step, promise, multipliers = self._solve_qp(posed, iterate, first=True)
         iterate = self._advance(posed, iterate, step)
         if self._max_iterations == 1:
             return iterate, 1, ""
-        self._prepared, last_promise = None, 0.0
+        self._prepared, last_promise, second_order = None, 0.0, False
         for iteration in range(2, self._max_iterations + 1):
             if time.perf_counter() - start > self._time_limit:
                 return iterate, iteration - 1, f"time limit of {self._time_limit:g} s reached"
-            if promise > CONTRACTION * last_promise:
-                self._set_hessian(iterate.jacobians)
+            second_order |= iteration > 3 and promise > SLOW * last_promise
+            if second_order:
+                self._set_hessian(self._full_hessian(posed, iterate, multipliers))
+            elif promise > CONTRACTION * last_promise:
+                self._set_hessian(self._gauss_newton_hessian(iterate.jacobians))
             last_promise = promise
-            step, promise = self._solve_qp(posed, iterate)
-            converged = promise <= self._tolerance * iterate.cost + ROUNDING
+            step, promise, multipliers = self._solve_qp(posed, iterate)
+            tolerance = self._tolerance * (SADDLE if second_order else 1.0)
+            converged = promise <= tolerance * iterate.cost + ROUNDING
             iterate = self._advance(posed, iterate, step)
-            if converged:
+            if converged and (second_order or not self._is_far(posed, iterate)):
                 return iterate, iteration, ""
+            second_order |= converged
         return iterate, iteration, f"not converged in {self._max_iterations} iterations"
+
+    def _is_far(self, posed: PosedProblem, iterate: _Iterate) -> bool:
+        return np.abs(iterate.states[1:, POSE] - posed.references).max() > FAR
 
     def _advance(self, posed: PosedProblem, iterate: _Iterate, step: np.ndarray) -> _Iterate:
         """Returns the iterate a step further, or nearer where the whole step costs more."""
@@ -221,7 +237,9 @@ class RealtimeNmpc:
 
     def _evaluate(self, posed: PosedProblem, z: np.ndarray) -> _Iterate:
         """Returns the iterate at the decision vector near z that meets every constraint."""
-        z = posed.project(z)
+        return self._roll_out(posed, posed.project(z))
+
+    def _roll_out(self, posed: PosedProblem, z: np.ndarray) -> _Iterate:
         model, (x0, inputs) = self._problem.model, self._split(z)
         if self._max_iterations == 1:
             states, jacobians = model.roll_out(x0, inputs, self._problem.period), self._no_jacobians
@@ -247,8 +265,8 @@ class RealtimeNmpc:
 
     def _solve_qp(
         self, posed: PosedProblem, iterate: _Iterate, first: bool = False
-    ) -> tuple[np.ndarray, float]:
-        """Returns the step, and by how much it lowers the quadratic model of the cost.
+    ) -> tuple[np.ndarray, float, np.ndarray]:
+        """Returns the step, by how much it lowers the quadratic model, and the multipliers.
 
         Rates take most of the work and are seldom active: a solution without them that meets
         them is the solution.
@@ -258,18 +276,45 @@ class RealtimeNmpc:
         """
         z, size, m = iterate.z, len(iterate.z), self._stages[1]
         bounds = posed.least[:size] - z, posed.most[:size] - z
-        step, promise = self._without_rates.solve(iterate.gradient, *bounds, first)
+        step, promise, multipliers = self._without_rates.solve(iterate.gradient, *bounds, first)
         if tracking_kernels.meets_rates(z + step, posed.least, posed.most, m, RATE_TOLERANCE):
-            return step, promise
+            return step, promise, multipliers
         values = np.concatenate([z, self._rate_matrix @ z])
         self._with_rates.set_hessian(self._hessian)
         return self._with_rates.solve(
             iterate.gradient, posed.least - values, posed.most - values, first
         )
 
-    def _set_hessian(self, jacobians: np.ndarray) -> None:
-        self._hessian = tracking_kernels.condense(jacobians, *self._weights)
-        self._without_rates.set_hessian(self._hessian)
+    def _set_hessian(self, hessian: np.ndarray) -> None:
+        self._hessian = hessian
+        self._without_rates.set_hessian(hessian)
+
+    def _gauss_newton_hessian(self, jacobians: np.ndarray) -> np.ndarray:
+        return tracking_kernels.condense(jacobians, *self._weights)
+
+    def _full_hessian(
+        self, posed: PosedProblem, iterate: _Iterate, multipliers: np.ndarray
+    ) -> np.ndarray:
+        """Returns the Hessian by differences of the gradient, made positive definite.
+
+        What Gauss-Newton's leaves out is proportional to the tracking error. Curvature along
+        active constraints' normals is free to choose while they stay active, so it is raised
+        first, which leaves Newton's steps as they are; negative curvature that remains is turned
+        positive.
+        """
+        differences = [
+            (self._roll_out(posed, iterate.z + step).gradient - iterate.gradient) / DIFFERENCE
+            for step in DIFFERENCE * np.eye(len(iterate.z))
+        ]
+        hessian = 0.5 * (np.array(differences) + np.array(differences).T)
+        rows = np.flatnonzero(multipliers)
+        normals = np.vstack([np.eye(len(hessian)), self._rate_matrix])[rows]
+        now = np.linalg.lstsq(normals.T, -iterate.gradient, rcond=None)[0]
+        normals = normals[now * multipliers[rows] > 0]  # Those that hold back the descent.
+        hessian += np.abs(hessian).max() * normals.T @ normals
+        curvatures, directions = np.linalg.eigh(hessian)
+        least = SMALLEST_CURVATURE * curvatures[-1]
+        return (directions * np.maximum(np.abs(curvatures), least)) @ directions.T
 
     def _reset(self) -> None:
         self._prepared = None
