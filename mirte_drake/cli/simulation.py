@@ -76,7 +76,7 @@ def diagram(name: str, depth: int, overrides: tuple[str, ...], output: Path | No
 
 def _table(summary: dict, tube: bool) -> str:
     """Returns the summary for a person to read."""
-    rmse, solve = summary["rmse"], summary["solve_time_ms"]
+    rmse, solve, feedback = (summary[k] for k in ("rmse", "solve_time_ms", "feedback_time_ms"))
     rows = [
         ("scenario", f"{summary['scenario']}, seed {summary['seed']}"),
         ("samples", f"{summary['steps']} ({summary['simulated_time_s']:.1f} s)"),
@@ -86,12 +86,17 @@ def _table(summary: dict, tube: bool) -> str:
         ("solver", f"{summary['solver']}, {summary['solve_failures']} failures"),
         (
             "solve time",
-            f"{solve['p50']:.1f} ms median, {solve['p99']:.1f} ms p99, {solve['max']:.1f} ms max",
+            f"{solve['p50']:.2f} ms median, {solve['p99']:.2f} ms p99, {solve['max']:.2f} ms max",
         ),
+        ("from pose to plan", f"{feedback['p50']:.2f} ms median, {feedback['p99']:.2f} ms p99"),
         ("outside the tube", f"{summary['tube_violations']} samples" if tube else "no tube"),
         ("successor outside", f"{summary['successor_violations']} samples" if tube else "no tube"),
         ("input set violated", f"{summary['input_violations']} samples"),
-        ("rate bound violated", f"{summary['rate_violations']} samples"),
+        (
+            "rate bound violated",
+            f"{summary['rate_violations']} samples, {summary['rate_relaxations']} to meet bounds",
+        ),
+        ("ended early", f"{summary['early_solves']} solves"),
         ("wall time", f"{summary['wall_time_s']:.1f} s"),
     ]
     return "\n".join(f"{label:22}{value}" for label, value in rows)

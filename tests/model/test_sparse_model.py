@@ -4,6 +4,7 @@ from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoD
 from pydrake.symbolic import Variable
 
 from mirte_drake.model.model_file import load_model, model_names
+from mirte_drake.model.prediction_model import PredictionModel
 from mirte_drake.model.sparse_model import SparseModel
 
 NAMES = model_names()
