@@ -2,17 +2,18 @@
 
 States are eliminated (condensed): x0 and the inputs remain, and all constraints are linear in
 them, so every iterate is feasible and any iterate can be driven with. The Hessian is
-Gauss-Newton's. A dual active-set solver (DAQP) solves each quadratic program.
+Gauss-Newton's, which near the reference is all it takes.
 """
 
 import time
 from typing import NamedTuple
 
-import daqp
 import numpy as np
 
 from mirte_drake.control import tracking_kernels
+from mirte_drake.control.curvature import convex_hessian
 from mirte_drake.control.nmpc_solution import NmpcSolution
+from mirte_drake.control.quadratic_program import QuadraticProgram
 from mirte_drake.control.tracking_problem import (
     PosedProblem,
     TrackingData,
@@ -29,13 +30,9 @@ SLOW = 0.1  # Steps that promise more than this of the last one converge slowly.
 # leaves out, which is proportional to the error, can make a saddle look like a minimum.
 FAR = 0.2
 SADDLE = 1e-4  # A saddle is left by doubling steps: they may begin this much smaller.
-DIFFERENCE = 1e-5  # [m, rad, pwm] For a Hessian by differences of the gradient.
-SMALLEST_CURVATURE = 1e-12  # Relative to the largest.
 SMALLEST_STEP = 2.0**-10  # Of the line search.
 ROUNDING = 1e-12  # Of the cost, relative and absolute.
-PRIMAL_TOLERANCE = 1e-9  # [m, rad, pwm] Of a constraint in the quadratic programs.
 RATE_TOLERANCE = 1e-12  # [pwm] Rounding of a move.
-SOLVED = 1  # DAQP's exit flag.
 
 
 class _Linearisation(NamedTuple):
@@ -55,49 +52,6 @@ class _Iterate(NamedTuple):
     jacobians: np.ndarray
     cost: float
     gradient: np.ndarray
-
-
-class _QuadraticProgram:
-    """min z' H z / 2 + g' z with bounds on [z; A z], by DAQP."""
-
-    def __init__(self, A: np.ndarray) -> None:
-        size, rows = A.shape[1], A.shape[1] + len(A)
-        self._inactive = np.zeros(rows, dtype=np.int32)
-        self._hessian: np.ndarray | None = None
-        self._daqp = daqp.Model()
-        self._daqp.setup(np.eye(size), np.zeros(size), A, np.full(rows, 1e30), np.full(rows, -1e30))
-        self._daqp.settings = {"primal_tol": PRIMAL_TOLERANCE}
-
-    def set_hessian(self, hessian: np.ndarray) -> None:
-        """Factorises a Hessian, unless it is the one that already is.
-
-        Raises:
-            ValueError: when it is not positive definite.
-        """
-        if hessian is self._hessian:
-            return
-        self._hessian = None
-        if self._daqp.update(H=hessian) != 0:
-            raise ValueError("Gauss-Newton Hessian is not positive definite")
-        self._hessian = hessian
-
-    def solve(
-        self, gradient: np.ndarray, lower: np.ndarray, upper: np.ndarray, first: bool
-    ) -> tuple[np.ndarray, float, np.ndarray]:
-        """Returns the solution, by how much it lowers the cost, and the multipliers.
-
-        ``first`` begins without an active set: that of the solve before may be another Context's.
-
-        Raises:
-            ValueError: when there is none.
-        """
-        active = self._inactive if first else None
-        flag = self._daqp.update(f=gradient, bupper=upper, blower=lower, sense=active)
-        if flag == 0:
-            z, value, flag, info = self._daqp.solve()
-        if flag != SOLVED:
-            raise ValueError(f"quadratic program not solved: DAQP's exit flag is {flag}")
-        return z, -value, info["lam"]
 
 
 class RealtimeNmpc:
@@ -198,7 +152,10 @@ class RealtimeNmpc:
         assert self._prepared is not None
         z, states, jacobians, _ = self._prepared
         iterate = self._weigh(posed, z, states, jacobians)
-        step, promise, multipliers = self._solve_qp(posed, iterate, first=True)
+        # The active sets may be those of another Context.
+        self._without_rates.forget()
+        self._with_rates.forget()
+        step, promise, multipliers = self._solve_qp(posed, iterate)
         iterate = self._advance(posed, iterate, step)
         if self._max_iterations == 1:
             return iterate, 1, ""
@@ -207,12 +164,16 @@ class RealtimeNmpc:
             if time.perf_counter() - start > self._time_limit:
                 return iterate, iteration - 1, f"time limit of {self._time_limit:g} s reached"
             second_order |= iteration > 3 and promise > SLOW * last_promise
-            if second_order:
-                self._set_hessian(self._full_hessian(posed, iterate, multipliers))
-            elif promise > CONTRACTION * last_promise:
-                self._set_hessian(self._gauss_newton_hessian(iterate.jacobians))
-            last_promise = promise
-            step, promise, multipliers = self._solve_qp(posed, iterate)
+            try:
+                if second_order:
+                    self._set_hessian(self._full_hessian(posed, iterate, multipliers))
+                elif promise > CONTRACTION * last_promise:
+                    self._set_hessian(self._gauss_newton_hessian(iterate.jacobians))
+                last_promise = promise
+                step, promise, multipliers = self._solve_qp(posed, iterate)
+            except ValueError as error:
+                self._reset()
+                return iterate, iteration - 1, str(error)
             tolerance = self._tolerance * (SADDLE if second_order else 1.0)
             converged = promise <= tolerance * iterate.cost + ROUNDING
             iterate = self._advance(posed, iterate, step)
@@ -264,7 +225,7 @@ class RealtimeNmpc:
         return _Iterate(z, states, jacobians, cost, gradient)
 
     def _solve_qp(
-        self, posed: PosedProblem, iterate: _Iterate, first: bool = False
+        self, posed: PosedProblem, iterate: _Iterate
     ) -> tuple[np.ndarray, float, np.ndarray]:
         """Returns the step, by how much it lowers the quadratic model, and the multipliers.
 
@@ -276,14 +237,12 @@ class RealtimeNmpc:
         """
         z, size, m = iterate.z, len(iterate.z), self._stages[1]
         bounds = posed.least[:size] - z, posed.most[:size] - z
-        step, promise, multipliers = self._without_rates.solve(iterate.gradient, *bounds, first)
+        step, promise, multipliers = self._without_rates.solve(iterate.gradient, *bounds)
         if tracking_kernels.meets_rates(z + step, posed.least, posed.most, m, RATE_TOLERANCE):
             return step, promise, multipliers
         values = np.concatenate([z, self._rate_matrix @ z])
         self._with_rates.set_hessian(self._hessian)
-        return self._with_rates.solve(
-            iterate.gradient, posed.least - values, posed.most - values, first
-        )
+        return self._with_rates.solve(iterate.gradient, posed.least - values, posed.most - values)
 
     def _set_hessian(self, hessian: np.ndarray) -> None:
         self._hessian = hessian
@@ -295,32 +254,20 @@ class RealtimeNmpc:
     def _full_hessian(
         self, posed: PosedProblem, iterate: _Iterate, multipliers: np.ndarray
     ) -> np.ndarray:
-        """Returns the Hessian by differences of the gradient, made positive definite.
-
-        What Gauss-Newton's leaves out is proportional to the tracking error. Curvature along
-        active constraints' normals is free to choose while they stay active, so it is raised
-        first, which leaves Newton's steps as they are; negative curvature that remains is turned
-        positive.
-        """
-        differences = [
-            (self._roll_out(posed, iterate.z + step).gradient - iterate.gradient) / DIFFERENCE
-            for step in DIFFERENCE * np.eye(len(iterate.z))
-        ]
-        hessian = 0.5 * (np.array(differences) + np.array(differences).T)
         rows = np.flatnonzero(multipliers)
-        normals = np.vstack([np.eye(len(hessian)), self._rate_matrix])[rows]
-        now = np.linalg.lstsq(normals.T, -iterate.gradient, rcond=None)[0]
-        normals = normals[now * multipliers[rows] > 0]  # Those that hold back the descent.
-        hessian += np.abs(hessian).max() * normals.T @ normals
-        curvatures, directions = np.linalg.eigh(hessian)
-        least = SMALLEST_CURVATURE * curvatures[-1]
-        return (directions * np.maximum(np.abs(curvatures), least)) @ directions.T
+        constraints = np.vstack([np.eye(len(iterate.z)), self._rate_matrix])
+        return convex_hessian(
+            lambda z: self._roll_out(posed, z).gradient,
+            iterate.z,
+            constraints[rows],
+            multipliers[rows],
+        )
 
     def _reset(self) -> None:
         self._prepared = None
         self._hessian = np.eye(self._problem.size)
-        self._without_rates = _QuadraticProgram(np.zeros((0, self._problem.size)))
-        self._with_rates = _QuadraticProgram(self._rate_matrix)
+        self._without_rates = QuadraticProgram(np.zeros((0, self._problem.size)))
+        self._with_rates = QuadraticProgram(self._rate_matrix)
 
     def _failure(self, reason: str, guess: np.ndarray, solve_time: float) -> NmpcSolution:
         x0, inputs = self._split(guess)
