@@ -37,6 +37,11 @@ class Measurement:
     feedback: np.ndarray  # [s] after it.
 
 
+class _Turn(NamedTuple):
+    solver: str
+    prepare: bool  # Whether ``prepare`` is called ahead of each solve.
+
+
 class _Solve(NamedTuple):
     wall_time: float  # [s]
     processor_time: float  # [s]
@@ -65,8 +70,8 @@ def measure(
         solvers: By name.
         blocks: Samples to solve.
         repeats: Rounds over all blocks.
-        pause_repeats: Rounds with a pause before every solve, and again with what can be prepared
-            done before that pause.
+        pause_repeats: Rounds with a pause before every solve, in which solvers that can prepare
+            have a second turn with that done before the pause.
         reference: Finds the optimum. The optimum is the lowest cost that any solver, this one or
             a measured one, reached within the constraints.
         time_budget: [s] A solver that has used it sits out further rounds of a kind; it takes
@@ -75,36 +80,38 @@ def measure(
             for a progress bar.
     """
     samples = [sample for block in blocks for sample in block.timed]
-    preparing = {
-        name: solver for name, solver in solvers.items() if _prepares(solver, blocks[0].timed[0])
-    }
-    take_turns = partial(
-        _take_turns, blocks=blocks, time_budget=time_budget, on_problems=on_problems
-    )
+    turns = [_Turn(name, prepare=False) for name in solvers]
+    prepared_turns = [
+        _Turn(name, prepare=True)
+        for name, solver in solvers.items()
+        if _prepares(solver, samples[0])
+    ]
+    take_turns = partial(_take_turns, solvers, blocks, time_budget, on_problems)
     with collection_off():
-        steady = take_turns(solvers, repeats)
-        paused = take_turns(solvers, pause_repeats, pause=PAUSE)
-        prepared = take_turns(preparing, pause_repeats, pause=PAUSE, prepare=True)
-    rated = {name: _evaluate(problem, samples, solves) for name, solves in steady.items()}
+        steady = take_turns(turns, repeats)
+        paused = take_turns(turns + prepared_turns, pause_repeats, pause=PAUSE)
+    rated = {turn: _evaluate(problem, samples, solves) for turn, solves in steady.items()}
     candidates = [*rated.values()]
     if reference is not None:
         solves = [solve for block in blocks for solve in _solve_block(reference, block)]
         candidates.append(_evaluate(problem, samples, solves))
     optimum = np.min([lowest_cost(cost, violation) for cost, violation in candidates], axis=0)
-    return {
-        name: Measurement(
+    measured = {}
+    for turn, solves in steady.items():
+        cost, violation = rated[turn]
+        prepared = paused.get(turn._replace(prepare=True), [])
+        measured[turn.solver] = Measurement(
             solve_time=_wall_times(solves),
             processor_time=np.array([solve.processor_time for solve in solves]),
             iterations=np.array([solve.solution.iterations for solve in solves]),
-            gap=((rated[name][0] - optimum) / optimum).ravel(),
-            rate_violation=rated[name][1].ravel(),
+            gap=((cost - optimum) / optimum).ravel(),
+            rate_violation=violation.ravel(),
             success=np.array([solve.solution.success for solve in solves], dtype=bool),
-            after_pause=_wall_times(paused[name]),
-            preparation=np.array([s.solution.preparation_time for s in prepared.get(name, ())]),
-            feedback=_wall_times(prepared.get(name, ())),
+            after_pause=_wall_times(paused[turn]),
+            preparation=np.array([solve.solution.preparation_time for solve in prepared]),
+            feedback=_wall_times(prepared),
         )
-        for name, solves in steady.items()
-    }
+    return measured
 
 
 @contextmanager
@@ -138,28 +145,22 @@ def _prepares(solver: NmpcSolver, sample: Sample) -> bool:
 
 def _take_turns(
     solvers: Mapping[str, NmpcSolver],
-    repeats: int,
-    *,
     blocks: Sequence[Block],
     time_budget: float,
     on_problems: Callable[[int], object],
+    turns: Sequence[_Turn],
+    repeats: int,
     pause: float = 0.0,
-    prepare: bool = False,
-) -> dict[str, list[_Solve]]:
-    """Returns the solves of each solver: round by round, in each all samples in their order."""
-    solves: dict[str, list[_Solve]] = {name: [] for name in solvers}
-    turn = 0
+) -> dict[_Turn, list[_Solve]]:
+    """Returns the solves of each turn: round by round, in each all samples in their order."""
+    solves: dict[_Turn, list[_Solve]] = {turn: [] for turn in turns}
+    first = 0
     for _ in range(repeats):
-        names = [
-            name
-            for name, rows in solves.items()
-            if sum(solve.wall_time for solve in rows) < time_budget
-        ]
+        order = [turn for turn in turns if np.sum(_wall_times(solves[turn])) < time_budget]
         for block in blocks:
-            first = turn % max(1, len(names))
-            for name in [*names[first:], *names[:first]]:
-                solves[name] += _solve_block(solvers[name], block, pause, prepare)
-            turn += 1
+            for turn in [*order[first:], *order[:first]]:
+                solves[turn] += _solve_block(solvers[turn.solver], block, pause, turn.prepare)
+            first = (first + 1) % max(1, len(order))
             on_problems(len(block.timed))
     return solves
 

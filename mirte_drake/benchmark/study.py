@@ -69,7 +69,7 @@ def progress_length(settings: BenchmarkSettings, scenario: Scenario, solvers: in
     """Returns how often ``run_benchmark`` reports progress, as the length of a bar."""
     loop = _loop_scenario(settings, scenario)
     long_steps = len(settings.horizons) + 2 + solvers
-    rounds = settings.repeats + 2 * settings.pause_repeats
+    rounds = settings.repeats + settings.pause_repeats
     timed = min(settings.problems, max(1, loop.steps - LEAD))
     return 2 * loop.steps + timed * rounds + long_steps * LONG_STEP
 

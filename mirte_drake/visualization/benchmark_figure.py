@@ -15,7 +15,7 @@ BENCHMARK_FILES = tuple(f"benchmark.{suffix}" for suffix in FORMATS)
 
 _BINS_PER_DECADE = 30
 _PAUSED: dict[str, Any] = {"marker": "o", "ms": 4, "mfc": "white", "mew": 0.8}
-_HEIGHT = 0.6  # Of the tallest bin, where solvers stand one apart.
+_HEIGHT = 0.5  # Of the tallest bin, where solvers stand one apart.
 
 
 def benchmark_figure(

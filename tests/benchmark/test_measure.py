@@ -124,10 +124,15 @@ def test_after_a_pause_with_and_without_preparation(problem, blocks, clock):
     assert measured["plain"].feedback.size == measured["plain"].preparation.size == 0
     np.testing.assert_allclose(measured["ahead"].feedback, np.full(8, 1.5))
     np.testing.assert_allclose(measured["ahead"].preparation, np.full(8, 0.5))
-    # Two rounds over four problems: twice for "ahead", once for "plain". One pause each time
-    # between preparation and solve, none at the first look at it.
+    # Two rounds over four problems, in three turns. Between preparation and solve is one pause,
+    # but at the first look at whether it prepares anything.
     assert clock.slept == 2 * 4 * 3
     assert [pauses for _, _, pauses, _ in log if pauses is not None] == [0, *[1] * 8]
+    # Timed solves after the steady ones, each block's first: turns with and without preparation
+    # rotate together.
+    turns = [(name, pauses) for name, k, pauses, _ in log[18:] if k in (2, 8)]
+    one, two, three = ("plain", None), ("ahead", None), ("ahead", 1)
+    assert turns[:6] == [one, two, three, two, three, one]
 
 
 def test_only_the_timed_solves_count(problem, blocks, clock):
