@@ -18,7 +18,7 @@ from mirte_drake.control.tracking_problem import TrackingProblem
 
 PERCENTILES = {"p50": 50.0, "p99": 99.0, "p99_9": 99.9, "max": 100.0}
 
-PAUSE = 5e-3  # [s] Others have the caches by then, as between two samples of a controller.
+PAUSE = 5e-3  # [s] Enough to lose the caches. After longer pauses solves take longer still.
 
 
 @dc.dataclass(frozen=True)
