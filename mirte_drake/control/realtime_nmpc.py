@@ -97,8 +97,10 @@ class RealtimeNmpc:
         Args:
             guess: (size,) finite.
         """
-        if self._is_prepared(guess):
-            return
+        if not self._is_prepared(guess):
+            self._linearise(guess)
+
+    def _linearise(self, guess: np.ndarray) -> None:
         start = time.perf_counter()
         self._prepared = None  # Until everything holds.
         states, jacobians = self._problem.model.roll_out_jacobians(
@@ -122,7 +124,9 @@ class RealtimeNmpc:
             if not tracking_kernels.all_finite(guess):
                 raise ValueError("guess not finite")
             posed = pose(self._problem, data)
-            iterate, iterations, gave_up = self._iterate(posed, guess, start)
+            if ahead is None:
+                self._linearise(guess)
+            iterate, iterations, gave_up = self._iterate(posed, start)
             if not np.isfinite(iterate.cost):
                 raise ValueError("solution not finite")
         except ValueError as error:
@@ -144,11 +148,8 @@ class RealtimeNmpc:
     def _is_prepared(self, guess: np.ndarray) -> bool:
         return self._prepared is not None and bool((guess == self._prepared.z).all())
 
-    def _iterate(
-        self, posed: PosedProblem, guess: np.ndarray, start: float
-    ) -> tuple[_Iterate, int, str]:
+    def _iterate(self, posed: PosedProblem, start: float) -> tuple[_Iterate, int, str]:
         """Returns the last iterate, how many there were, and why it is not the optimum."""
-        self.prepare(guess)
         assert self._prepared is not None
         z, states, jacobians, _ = self._prepared
         iterate = self._weigh(posed, z, states, jacobians)
