@@ -18,7 +18,7 @@ def test_benchmark_writes_what_it_says(tmp_path, capsys):
     summary = json.loads((tmp_path / "benchmark.json").read_text())
     assert set(summary) == {
         "scenario", "period_s", "problems", "repeats", "pause_repeats", "solvers", "closed_loop",
-        "first_call", "first_call_after_installation",
+        "ancillary_design_ms", "first_call", "first_call_after_installation",
         "horizon", "states", "conditions", "versions",
     }  # fmt: skip
     assert (summary["scenario"], summary["problems"], summary["repeats"]) == ("circle", 3, 1)

@@ -39,6 +39,7 @@ def report(benchmark: Benchmark) -> dict[str, object]:
             }
             for name, loop in benchmark.closed_loops.items()
         },
+        "ancillary_design_ms": percentiles(1e3 * benchmark.design_time),
         "first_call": _call_report(benchmark.first_calls),
         "first_call_after_installation": _call_report(benchmark.installation_calls),
         "horizon": _scaling_report(benchmark.horizons, "horizon")

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from mirte_drake.benchmark.ancillary import time_designs
 from mirte_drake.benchmark.closed_loop import ClosedLoop, run_closed_loops
 from mirte_drake.benchmark.first_call import first_call
 from mirte_drake.benchmark.measure import Measurement, measure
@@ -59,6 +60,7 @@ class Benchmark:
     problems: int  # So many were timed: no more than the run had to give.
     solves: dict[str, Measurement]
     closed_loops: dict[str, ClosedLoop]
+    design_time: np.ndarray  # [s] of the ancillary law's designs.
     first_calls: dict[str, dict[str, float]]  # [s] in a fresh process.
     installation_calls: dict[str, dict[str, float]]  # [s] with nothing compiled: the first solver.
     horizons: Scaling
@@ -121,6 +123,7 @@ def run_benchmark(
         on_problems=on_progress,
     )
     closed_loops = run_closed_loops(loop, made, on_sample=step)
+    design_time = time_designs(loop, samples, settings.repeats)
     typical = samples[-1].data
     poses = np.array([sample.data.reference[0] for sample in samples])
     horizons = horizon_scaling(
@@ -152,6 +155,7 @@ def run_benchmark(
         sum(len(block.timed) for block in blocks),
         measured,
         closed_loops,
+        design_time,
         first_calls,
         installation_calls,
         horizons,

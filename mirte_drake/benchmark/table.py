@@ -46,7 +46,11 @@ def table(report: dict) -> str:
             f"{times['p50']:8.3f} {times['p99']:8.3f} {times['max']:8.3f} "
             f"{row['failures']:3d}/{row['samples']}"
         )
+    design = report["ancillary_design_ms"]
     lines += [
+        "",
+        f"Ancillary DLQR design, checked: {design['p50']:.3f} ms median, "
+        f"{design['p99']:.3f} ms p99",
         "",
         "First call in a fresh process [s]",
         f"{'solver':{count}}  {'import':>8} {'build':>8} {'solve':>8} {'total':>8}",

@@ -43,6 +43,7 @@ def benchmark() -> Benchmark:
             "broken": measurement([1.0, 1.0, 1.0], [np.nan] * 3),
         },
         closed_loops={"converged": loop},
+        design_time=np.array([2e-5, 3e-5, 9e-5]),
         first_calls={
             "converged": {"import_s": 1.0, "construction_s": 2.0, "first_solve_s": 4.0},
         },
@@ -73,6 +74,8 @@ def test_report_of_known_numbers(benchmark):
     loop = result["closed_loop"]["converged"]
     assert loop["rmse"] == pytest.approx({"x_m": np.sqrt(12.5), "y_m": 0.0, "yaw_rad": 1.0})
     assert loop["failures"] == 1 and loop["solve_time_ms"]["p50"] == pytest.approx(2.0)
+    assert result["ancillary_design_ms"]["p50"] == pytest.approx(0.03)
+    assert "DLQR design, checked: 0.030 ms median" in table(result)
     assert result["first_call"]["converged"]["total_s"] == 7.0
     assert result["first_call_after_installation"]["converged"]["total_s"] == 13.25
     horizon = result["horizon"]
