@@ -64,11 +64,13 @@ def test_every_command_runs(tmp_path, monkeypatch, capsys):
     run = synthetic_recording()
     save_csv(run, tmp_path / "run.csv")
     save_csv(run, tmp_path / "other_run.csv")
-    assert len(COMMANDS) == 11
+    assert len(COMMANDS) == 12
     for command in COMMANDS:
         arguments = shlex.split(command)[1:]
         if arguments[0] == "simulate":  # The parsing and the wiring as written, the run shorter.
             arguments += ["--set", "duration=0.3", "--no-plots"]
+        if arguments[0] == "benchmark":
+            arguments += ["--quick", "--solver", "realtime", "--solver", "converged"]
         main(arguments)
     assert (tmp_path / "my_circle" / "summary.json").is_file()
     assert (tmp_path / "mine.yaml").is_file()
