@@ -8,7 +8,11 @@ from collections.abc import Sequence
 
 import click
 
-from mirte_drake.cli import identification, simulation  # noqa: F401 They add their commands.
+from mirte_drake.cli import (  # noqa: F401 They add their commands.
+    identification,
+    robot_fit,
+    simulation,
+)
 from mirte_drake.cli.options import commands
 from mirte_drake.errors import UserError
 
