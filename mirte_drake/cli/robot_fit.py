@@ -41,8 +41,8 @@ def fit_robot(
     Prints the error of held-out blocks for each structure tried, and the RMSE of open-loop
     simulation over all recordings given, velocities as means over a sample.
     """
+    from mirte_drake.identification.fit_robot import STRUCTURES, fit_steps, fit_text, robot_file
     from mirte_drake.identification.fit_robot import fit_robot as fit_to
-    from mirte_drake.identification.fit_robot import fit_steps, fit_text, robot_file
     from mirte_drake.identification.reports import validation_text
     from mirte_drake.identification.robot_validation import validate_robot
     from mirte_drake.model.fleet import fleet_files
@@ -53,8 +53,8 @@ def fit_robot(
     label = data.stem if data else "synthetic"
     if len(runs) < len(others) or label in runs:
         raise UserError("--validate: recordings must have names of their own")
-    with click.progressbar(length=fit_steps(), label="fit", file=sys.stderr) as bar:
-        fit = fit_to(run, seed=seed, on_step=lambda: bar.update(1))
+    with click.progressbar(length=fit_steps(STRUCTURES), label="fit", file=sys.stderr) as bar:
+        fit = fit_to(run, STRUCTURES, seed=seed, on_step=lambda: bar.update(1))
     scores = {
         name: validate_robot(name, fit.parameters, recording)
         for name, recording in {label: run, **runs}.items()

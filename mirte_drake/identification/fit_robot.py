@@ -85,7 +85,7 @@ class RobotFit:
     held_out_errors: dict[Structure, float]
 
 
-def fit_steps(structures: tuple[Structure, ...] = STRUCTURES) -> int:
+def fit_steps(structures: tuple[Structure, ...]) -> int:
     """Returns how many times ``fit_robot`` calls ``on_step``."""
     return len(structures) * (1 + BLOCKS) + STARTS - 1
 
