@@ -141,6 +141,24 @@ def test_above_breakaway_it_moves(command):
     assert np.linalg.norm(velocity) > 1e-3
 
 
+def test_at_rest_it_stays_exactly_where_friction_within_its_bounds_can_hold_it():
+    robot = with_friction()
+    robot.drivetrain.friction[:] = [[1.0, 2.0, 1.5, 2.5], [2.0, 1.0, 2.5, 1.5]]
+    forward, backward = robot.drivetrain.friction
+    draw, held = np.random.default_rng(7), 0
+    for _ in range(300):
+        state = np.zeros(STATE_SIZE)
+        state[DRIVE_SPEED] = draw.uniform(-4, 4, 4)
+        # Friction drive + n (1, 1, -1, -1) balances the drive; is there an n within the bounds?
+        sign = np.array([1, 1, -1, -1])
+        ends = np.sort([(forward - state[6:]) * sign, (-backward - state[6:]) * sign], axis=0)
+        can_hold = ends[0].max() <= ends[1].min()
+        held += can_hold
+        rate = derivative(robot, state, np.zeros(4))[BODY_VELOCITY]
+        assert (np.abs(rate).max() < 1e-12) == can_hold
+    assert 30 < held < 270
+
+
 def test_static_friction_beyond_sliding_friction_raises_the_breakaway():
     robot = with_friction(breakaway=0.5)
     np.testing.assert_allclose(drive(robot, 15.5 * FORWARD)[-1, BODY_VELOCITY], 0.0, atol=1e-15)
