@@ -11,6 +11,7 @@ import click
 from mirte_drake.cli import (  # noqa: F401 They add their commands.
     benchmark,
     identification,
+    robot_fit,
     simulation,
 )
 from mirte_drake.cli.options import commands
