@@ -1,6 +1,5 @@
 """What the planar world sees of the multibody robot: pose, velocity, wheel angles."""
 
-import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex, RpyFloatingJoint
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
