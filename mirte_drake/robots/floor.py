@@ -20,6 +20,7 @@ GRAVITY = 9.81  # [m/s^2]
 FLOOR_SIZE = 200.0  # [m] Side of the square, its middle in the world's origin.
 FLOOR_DEPTH = 1.0  # [m]
 PATCH_THICKNESS = 5e-4  # [m] A patch is a sheet on the floor: more than the rollers sink in.
+VISUAL_GAP = 3e-4  # [m]
 
 
 @dc.dataclass
@@ -108,4 +109,6 @@ def _add_slab(
     X = RigidTransform([*center, top - FLOOR_DEPTH / 2])
     shape = Box(*size, FLOOR_DEPTH)
     plant.RegisterCollisionGeometry(plant.world_body(), X, shape, name, properties)
-    plant.RegisterVisualGeometry(plant.world_body(), X, shape, name, color)
+    # A little lower, so that a viewer's grid at z = 0 lies on the floor.
+    shown = RigidTransform([0, 0, -VISUAL_GAP]) @ X
+    plant.RegisterVisualGeometry(plant.world_body(), shown, shape, name, color)

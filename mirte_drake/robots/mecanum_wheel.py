@@ -61,7 +61,7 @@ def _hub(name: str, center: np.ndarray) -> str:
     core = cylinder(0.6 * HUB_RADIUS, WHEEL_WIDTH)
     shapes = [visual("core", RigidTransform(_LYING, [0, 0, 0]), core, palette.DARK)]
     for side, y in (("left", WHEEL_WIDTH / 2), ("right", -WHEEL_WIDTH / 2)):
-        plate, cap = cylinder(HUB_RADIUS, 0.003), cylinder(0.3 * HUB_RADIUS, 0.008)
+        plate, cap = cylinder(0.88 * HUB_RADIUS, 0.003), cylinder(0.3 * HUB_RADIUS, 0.008)
         X = RigidTransform(_LYING, [0, y, 0])
         shapes.append(visual(f"{side}_plate", X, plate, palette.DARK))
         shapes.append(visual(f"{side}_cap", X, cap, palette.METAL))

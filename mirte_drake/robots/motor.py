@@ -36,7 +36,9 @@ class MotorParameters:
         """Raises ValueError when a value is out of range."""
         check_array("gain", self.gain, (2, _WHEELS), minimum=0)
         check_array("deadband", self.deadband, (2, _WHEELS), minimum=0)
-        check_array("lag", self.lag, (_WHEELS,), minimum=0)
+        check_array("lag", self.lag, (_WHEELS,))
+        if np.any(self.lag <= 0):
+            raise ValueError(f"lag: every entry must be > 0, got {self.lag}")
 
 
 # Tuned once to the recording of thesis figure 3-4, +-50 PWM on the constant-heading rectangle.
@@ -55,15 +57,11 @@ MOTORS = {  # Named sets.
 
 
 def steady_wheel_speed(command: np.ndarray, motors: MotorParameters) -> np.ndarray:
-    """Returns the speeds (4,) [rad/s] that wheel commands (4,) [pwm] lead to."""
-    row, wheel = np.where(np.signbit(command), 1, 0), np.arange(_WHEELS)
-    beyond = np.maximum(np.abs(command) - motors.deadband[row, wheel], 0.0)
-    return np.sign(command) * motors.gain[row, wheel] * beyond
-
-
-def lag_pole(lag: np.ndarray, period: float) -> np.ndarray:
-    """Returns exp(-period / lag), which is 0 without lag."""
-    return np.exp(-np.divide(period, lag, out=np.full(len(lag), np.inf), where=lag > 0))
+    """Returns the speeds (4,) [rad/s] that wheel commands (4,) [pwm], saturated at 100, lead to."""
+    command = np.clip(command, -100.0, 100.0)
+    forward = command >= 0
+    gain, deadband = np.where(forward, *motors.gain), np.where(forward, *motors.deadband)
+    return np.sign(command) * gain * np.maximum(np.abs(command) - deadband, 0.0)
 
 
 class Motor(LeafSystem):
@@ -80,13 +78,13 @@ class Motor(LeafSystem):
     ==================  ===========  ============  ==============================================
     port                type         unit          meaning
     ==================  ===========  ============  ==============================================
-    wheel_command (in)  vector (4,)  [pwm]         u, clamped to +-100
+    wheel_command (in)  vector (4,)  [pwm]         u
     desired_state       vector (8,)  [rad, rad/s]  angles, which the plant's motors have no gain
                                                    for, here zero; then wheel speeds
     ==================  ===========  ============  ==============================================
 
-    State, every ``period`` s: s_{k+1} = s + p (s_k - s), s the steady speed and p the pole of
-    the lag. No feedthrough.
+    State, every ``period`` s: s_{k+1} = s + exp(-period / lag) (s_k - s), where s is the speed
+    that the command leads to. No feedthrough.
     """
 
     def __init__(self, parameters: MotorParameters, *, period: float) -> None:
@@ -102,14 +100,13 @@ class Motor(LeafSystem):
         super().__init__()
         parameters.validate()
         check_number("period", period, above=0)
-        self._parameters, self._pole = parameters, lag_pole(parameters.lag, period)
+        self._parameters, self._pole = parameters, np.exp(-period / parameters.lag)
         self._command_input = self.DeclareVectorInputPort("wheel_command", _WHEELS)
         state = self.DeclareDiscreteState(2 * _WHEELS)
         self.DeclareStateOutputPort("desired_state", state)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
     def _update(self, context: Context, next_state: DiscreteValues) -> None:
-        command = np.clip(self._command_input.Eval(context), -100.0, 100.0)
-        steady = steady_wheel_speed(command, self._parameters)
+        steady = steady_wheel_speed(self._command_input.Eval(context), self._parameters)
         speed = context.get_discrete_state_vector().value()[_WHEELS:]
         next_state.set_value([*np.zeros(_WHEELS), *(steady + self._pole * (speed - steady))])

@@ -7,22 +7,17 @@ from pathlib import Path
 from xml.dom import minidom
 
 import numpy as np
-from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import ModelInstanceIndex, RpyFloatingJoint, UnitInertia
+from pydrake.multibody.tree import ModelInstanceIndex, RpyFloatingJoint
 
 from mirte_drake.files import replacing
 from mirte_drake.geometry import ROLLER_AXES, WHEEL_POSITIONS, WHEEL_RADIUS
-from mirte_drake.robots import palette
+from mirte_drake.robots.chassis import BASE, chassis_sdf
 from mirte_drake.robots.mecanum_wheel import hub_name, wheel_sdf
-from mirte_drake.robots.sdf import box, cylinder, link, revolute, visual
+from mirte_drake.robots.sdf import revolute
 from mirte_drake.vectors import WHEELS
 
-BASE = "base_link"  # Its frame: on the floor below the middle, x forward, y left, z up.
-BASE_MASS = 5.0  # [kg] The robot's URDF.
-CHASSIS_SIZE = np.array([0.30, 0.20, 0.07])  # [m] Assumption: a box between the wheels.
-CHASSIS_HEIGHT = 0.07  # [m] Assumption: of the chassis's middle above the floor.
 STALL_TORQUE = 1.0  # [N m] Assumption: a 12 V gear motor of 180 rpm, the speed of 100 PWM.
 MOTOR_GAIN = 2.0  # [N m s/rad] Torque per error of speed: stiff, the lag is the drivetrain's.
 
@@ -34,7 +29,7 @@ def robot_sdf() -> str:
     names of ``vectors.WHEELS``. A motor gives the torque MOTOR_GAIN (desired - actual speed), at
     most STALL_TORQUE. Without meshes; tags of Drake's own are ignored elsewhere.
     """
-    parts = [_base()]
+    parts = [chassis_sdf()]
     for name, position, axis in zip(WHEELS, WHEEL_POSITIONS, ROLLER_AXES, strict=True):
         parts.append(wheel_sdf(name, np.array([*position, WHEEL_RADIUS]), axis))
         parts.append(
@@ -46,7 +41,7 @@ def robot_sdf() -> str:
         '<sdf version="1.8" xmlns:drake="http://drake.mit.edu">'
         f'<model name="mirte_master">{"".join(parts)}</model></sdf>'
     )
-    return minidom.parseString(text).documentElement.toprettyxml(indent="  ")
+    return minidom.parseString(text).toprettyxml(indent="  ")
 
 
 def add_robot(plant: MultibodyPlant) -> tuple[ModelInstanceIndex, RpyFloatingJoint]:
@@ -68,21 +63,3 @@ def write_robot_sdf(path: Path) -> None:
     """
     with replacing(path) as temporary:
         temporary.write_text(robot_sdf(), encoding="utf-8")
-
-
-def _base() -> str:
-    length, width, height = CHASSIS_SIZE
-    top = CHASSIS_HEIGHT + height / 2
-    inertia = UnitInertia.SolidBox(length, width, height)
-    shapes = [
-        visual("chassis", RigidTransform([0, 0, CHASSIS_HEIGHT]), box(CHASSIS_SIZE), palette.WHITE),
-        visual("lidar", RigidTransform([0, 0, top + 0.02]), cylinder(0.03, 0.04), palette.DARK),
-    ]
-    return link(
-        BASE,
-        RigidTransform(),
-        shapes,
-        mass=BASE_MASS,
-        moments=BASE_MASS * inertia.get_moments(),
-        center=[0, 0, CHASSIS_HEIGHT],
-    )
