@@ -19,8 +19,8 @@ from mirte_drake.robots.mecanum_wheel import (
 GRAVITY = 9.81  # [m/s^2]
 FLOOR_SIZE = 200.0  # [m] Side of the square, its middle in the world's origin.
 FLOOR_DEPTH = 1.0  # [m]
-PATCH_THICKNESS = 5e-4  # [m] A patch is a sheet on the floor: more than the rollers sink in.
-VISUAL_GAP = 3e-4  # [m]
+PATCH_THICKNESS = 2e-4  # [m] A patch is a sheet on the floor: more than the rollers sink in.
+GRID_GAP = 1e-3  # [m] What is shown of the floor lies below a viewer's grid at z = 0.
 
 
 @dc.dataclass
@@ -74,31 +74,24 @@ def add_floor(plant: MultibodyPlant, friction: float, patches: Sequence[Friction
         friction: [-] between rollers and floor.
         patches: What lies on it.
     """
-    size = np.full(2, FLOOR_SIZE)
-    _add_slab(plant, "floor", np.zeros(2), size, 0.0, friction, palette.FLOOR)
+    ground = FrictionPatch(size=np.full(2, FLOOR_SIZE), friction=friction)
+    _add_slab(plant, "floor", ground, top=0.0, shown_top=-GRID_GAP, color=palette.FLOOR)
     for i, patch in enumerate(patches):
-        _add_slab(
-            plant,
-            f"patch_{i}",
-            patch.center,
-            patch.size,
-            PATCH_THICKNESS,
-            patch.friction,
-            palette.PATCH,
-        )
+        height = PATCH_THICKNESS
+        _add_slab(plant, f"patch_{i}", patch, top=height, shown_top=height, color=palette.PATCH)
 
 
 def _add_slab(
     plant: MultibodyPlant,
     name: str,
-    center: np.ndarray,
-    size: np.ndarray,
+    surface: FrictionPatch,
+    *,
     top: float,
-    friction: float,
+    shown_top: float,
     color: list,
 ) -> None:
+    coefficient = surface_friction(surface.friction)
     properties = ProximityProperties()
-    coefficient = surface_friction(friction)
     AddContactMaterial(
         dissipation=CONTACT_DISSIPATION,
         point_stiffness=CONTACT_STIFFNESS,
@@ -106,9 +99,8 @@ def _add_slab(
         properties=properties,
     )
     # Deep, so that no roller finds the underside nearer than the top.
-    X = RigidTransform([*center, top - FLOOR_DEPTH / 2])
-    shape = Box(*size, FLOOR_DEPTH)
-    plant.RegisterCollisionGeometry(plant.world_body(), X, shape, name, properties)
-    # A little lower, so that a viewer's grid at z = 0 lies on the floor.
-    shown = RigidTransform([0, 0, -VISUAL_GAP]) @ X
-    plant.RegisterVisualGeometry(plant.world_body(), shown, shape, name, color)
+    shape = Box(*surface.size, FLOOR_DEPTH)
+    X, shown = (RigidTransform([*surface.center, z - FLOOR_DEPTH / 2]) for z in (top, shown_top))
+    world = plant.world_body()
+    plant.RegisterCollisionGeometry(world, X, shape, name, properties)
+    plant.RegisterVisualGeometry(world, shown, shape, name, color)
