@@ -21,7 +21,7 @@ from mirte_drake.robots.robot_description import add_robot
 class MultibodyRobotConfig:
     """Config of the multibody robot; the defaults are a clean robot on a level, dry floor."""
 
-    floor_friction: float = 0.8  # [-] Between rollers and floor: rubber on a dry, hard floor.
+    floor_friction: float = 0.8  # [-] Between rollers and floor. Assumption: dry and hard.
     patches: list[FrictionPatch] = dc.field(default_factory=list)  # Of another friction.
     # (2,) [rad] angle of the slope times the direction uphill, in the world frame's x and y: the
     # world frame lies in the floor.
@@ -72,8 +72,12 @@ def AddMultibodyRobot(
     geometry_query      abstract     -                   of the SceneGraph, for a visualizer
     ==================  ===========  ==================  ========================================
 
-    No output has feedthrough. The contact is Drake's lagged approximation: of those that converge
-    at any friction it is the one that keeps the energy where one roller takes over from another.
+    No output has feedthrough. There is no disturbance port: what disturbs this robot is its floor.
+    On a slope a stopped robot is held, but not locked: its motors give way by a small speed, and
+    where friction does not hold it, it slides, with friction along the rollers' axes only.
+
+    Contact is Drake's lagged approximation: with SAP, Drake's default, the robot loses 6 to 16 %
+    of its speed where one roller takes over from another.
 
     Args:
         builder: The builder.

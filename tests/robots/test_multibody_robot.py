@@ -2,6 +2,7 @@ import time
 
 import numpy as np
 import pytest
+from pydrake.geometry import Meshcat, MeshcatVisualizer
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
@@ -77,6 +78,16 @@ def test_add_names_the_diagram_and_returns_it():
     config = MultibodyRobotConfig()
     robot = AddMultibodyRobot(builder, config, start=np.zeros(3), name="mirte")
     assert builder.Build().GetSubsystemByName("mirte") is robot
+
+
+def test_a_visualizer_connects_from_outside():
+    builder, meshcat = DiagramBuilder(), Meshcat()
+    robot = AddMultibodyRobot(builder, MultibodyRobotConfig(), start=np.zeros(3))
+    MeshcatVisualizer.AddToBuilder(builder, robot.GetOutputPort("geometry_query"), meshcat)
+    diagram = builder.Build()
+    diagram.ForcedPublish(diagram.CreateDefaultContext())
+    for link in ("base_link", "front_left_wheel", "rear_right_roller_9"):
+        assert meshcat.HasPath(f"/drake/visualizer/mirte_master/{link}")
 
 
 @pytest.mark.parametrize(
