@@ -16,7 +16,7 @@ LAYERS = [
     {"systems", "robots"},
     {"scenario"},
     {"assembly"},
-    {"run"},
+    {"run", "collect"},
     {"cli", "__main__"},
 ]
 # Read by assembly, run and cli; reads arrays and Diagrams, not the layers above `vectors`.

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import click
 
-from mirte_drake.cli import identification, simulation  # noqa: F401 They add their commands.
+from mirte_drake.cli import collection, identification, simulation  # noqa: F401 They add their commands.
 from mirte_drake.cli.options import commands
 from mirte_drake.errors import UserError
 
