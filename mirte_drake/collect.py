@@ -96,7 +96,7 @@ def collect_scenario(
     Args:
         scenario: Whose robot it is.
         excitation: Settings of algorithm 1.
-        seed: Seed >= 0 of excitation and odometry.
+        seed: Seed >= 0 of the excitation.
         on_sample: Called after each row, for a progress bar.
 
     Raises:
@@ -108,8 +108,7 @@ def collect_scenario(
         match scenario.robot:
             case SindycRobotConfig(initial_pose=pose):  # Has no wheels that odometry could read.
                 start = scenario.first_pose if pose is None else pose
-                odometry = OdometrySensorConfig()
-                return AddRollingOdometry(builder, ports, odometry, start=start, seed=seed)
+                return AddRollingOdometry(builder, ports, OdometrySensorConfig(), start=start)
         return ports
 
     return collect(
