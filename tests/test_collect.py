@@ -73,10 +73,11 @@ def test_rows_are_those_of_a_recording_of_any_robot():
     np.testing.assert_array_equal(data.body_velocity[0], np.zeros(3))
 
 
-def test_commands_are_held_over_a_sample():
+@pytest.mark.parametrize("period", [0.1, 0.07])  # The second divides no control interval.
+def test_commands_are_held_over_a_sample(period):
     """A robot that integrates them goes where the model does with a zero-order hold."""
-    data = collect(kinematic, SHORT, seed=3)
-    expected = load_model("kinematic").roll_out(np.zeros(3), data.wheel_command[:-1], 0.1)
+    data = collect(kinematic, SHORT, seed=3, period=period)
+    expected = load_model("kinematic").roll_out(np.zeros(3), data.wheel_command[:-1], period)
     np.testing.assert_allclose(data.pose, expected, rtol=0, atol=1e-5)
 
 
