@@ -16,7 +16,7 @@ LAYERS = [
     {"systems", "robots"},
     {"scenario"},
     {"assembly"},
-    {"run"},
+    {"run", "collect"},
     {"benchmark"},
     {"cli", "__main__"},
 ]
