@@ -38,13 +38,13 @@ class DrivetrainParameters:
     def validate(self) -> None:
         """Raises ValueError when a value is out of range."""
         for name in ("gain", "deadband", "friction"):
-            check_array(f"drivetrain.{name}", getattr(self, name), BY_DIRECTION, minimum=0)
+            check_array(name, getattr(self, name), BY_DIRECTION, minimum=0)
         if np.any(self.gain == 0):
-            raise ValueError(f"drivetrain.gain: must be > 0, got {self.gain.tolist()}")
-        check_array("drivetrain.lag", self.lag, (len(WHEELS),), minimum=0)
+            raise ValueError(f"gain: must be > 0, got {self.gain.tolist()}")
+        check_array("lag", self.lag, (len(WHEELS),), minimum=0)
         if np.any(self.lag == 0):
-            raise ValueError(f"drivetrain.lag: must be > 0 s, got {self.lag.tolist()}")
-        check_number("drivetrain.delay", self.delay, minimum=0)
+            raise ValueError(f"lag: must be > 0 s, got {self.lag.tolist()}")
+        check_number("delay", self.delay, minimum=0)
 
 
 def drive_speed(drivetrain: DrivetrainParameters, command: np.ndarray) -> np.ndarray:
@@ -70,11 +70,18 @@ def steady_speed(drivetrain: DrivetrainParameters, command: np.ndarray) -> np.nd
     return np.sign(speed) * np.maximum(np.abs(speed) - _along(drivetrain.friction, speed), 0.0)
 
 
-def lag_derivative(
-    drivetrain: DrivetrainParameters, speed: np.ndarray, target: np.ndarray
+def lagged_speed(
+    drivetrain: DrivetrainParameters, speed: np.ndarray, target: np.ndarray, step: float
 ) -> np.ndarray:
-    """Returns the rate (..., 4) [rad/s^2] of speeds (..., 4) [rad/s] that lag behind a target."""
-    return (target - speed) / drivetrain.lag
+    """Returns the speed (..., 4) [rad/s] after a time ``step`` [s] on the way to a fixed target.
+
+    Args:
+        drivetrain: The parameters.
+        speed: (..., 4) [rad/s] before.
+        target: (..., 4) [rad/s].
+        step: [s].
+    """
+    return target + np.exp(-step / drivetrain.lag) * (speed - target)
 
 
 def command_for(drivetrain: DrivetrainParameters, speed: np.ndarray) -> np.ndarray:

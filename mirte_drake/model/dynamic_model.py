@@ -69,7 +69,10 @@ class DynamicParameters:
             check_number(name, getattr(self, name), above=0)
         for name in ("viscous_friction", "breakaway", "roller_friction"):
             check_number(name, getattr(self, name), minimum=0)
-        self.drivetrain.validate()
+        try:
+            self.drivetrain.validate()
+        except ValueError as error:
+            raise ValueError(f"drivetrain.{error}") from None
 
 
 class _Coefficients(NamedTuple):

@@ -1,7 +1,5 @@
 """The motors: what speed each wheel is driven to by a wheel command."""
 
-import dataclasses as dc
-
 import numpy as np
 from pydrake.systems.framework import (
     Context,
@@ -9,37 +7,13 @@ from pydrake.systems.framework import (
     LeafSystem,
 )
 
-from mirte_drake.checks import check_array, check_number
+from mirte_drake.checks import check_number
 from mirte_drake.geometry import PWM_SPEED
+from mirte_drake.model.drivetrain import DrivetrainParameters, lagged_speed, steady_speed
 from mirte_drake.vectors import WHEELS
 
-_WHEELS = len(WHEELS)
-
-
-@dc.dataclass
-class MotorParameters:
-    """What the motors make of a wheel command; the defaults are the ideal gain (2-5).
-
-    Rows of gain and deadband: forward, backward; columns as ``vectors.WHEELS``.
-    """
-
-    gain: np.ndarray = dc.field(  # (2, 4) [rad/s per pwm] of what exceeds the deadband.
-        default_factory=lambda: np.full((2, _WHEELS), PWM_SPEED)
-    )
-    deadband: np.ndarray = dc.field(  # (2, 4) [pwm] within it the wheel stands.
-        default_factory=lambda: np.zeros((2, _WHEELS))
-    )
-    # (4,) [s] time constants, as the recordings' sideways steps have (0.10-0.17 s).
-    lag: np.ndarray = dc.field(default_factory=lambda: np.full(_WHEELS, 0.16))
-
-    def validate(self) -> None:
-        """Raises ValueError when a value is out of range."""
-        check_array("gain", self.gain, (2, _WHEELS), minimum=0)
-        check_array("deadband", self.deadband, (2, _WHEELS), minimum=0)
-        check_array("lag", self.lag, (_WHEELS,))
-        if np.any(self.lag <= 0):
-            raise ValueError(f"lag: every entry must be > 0, got {self.lag}")
-
+# As the recordings' sideways steps have (0.10-0.17 s).
+LAG = np.full(len(WHEELS), 0.16)  # [s]
 
 # Tuned once to the recording of thesis figure 3-4, +-50 PWM on the constant-heading rectangle.
 # The gains are the ones nearest to 0.92 of the ideal that give by (2-3) the speeds recorded forward
@@ -53,17 +27,9 @@ _DRIFTING_SHARE = np.array([[0.837, 0.921, 1.033, 0.959], [0.853, 0.825, 0.937, 
 _DRIFTING_LAG = np.array([0.25, 0.25, 0.16, 0.16])
 
 MOTORS = {  # Named sets.
-    "clean": MotorParameters(),
-    "drifting": MotorParameters(gain=PWM_SPEED * _DRIFTING_SHARE, lag=_DRIFTING_LAG),
+    "clean": DrivetrainParameters(lag=LAG),
+    "drifting": DrivetrainParameters(gain=PWM_SPEED * _DRIFTING_SHARE, lag=_DRIFTING_LAG),
 }
-
-
-def steady_wheel_speed(command: np.ndarray, motors: MotorParameters) -> np.ndarray:
-    """Returns the speeds (4,) [rad/s] that wheel commands (4,) [pwm], saturated at 100, lead to."""
-    command = np.clip(command, -100.0, 100.0)
-    forward = command >= 0
-    gain, deadband = np.where(forward, *motors.gain), np.where(forward, *motors.deadband)
-    return np.sign(command) * gain * np.maximum(np.abs(command) - deadband, 0.0)
 
 
 class Motor(LeafSystem):
@@ -86,10 +52,10 @@ class Motor(LeafSystem):
     ==================  ===========  ============  ==============================================
 
     State, every ``period`` s: s_{k+1} = s + exp(-period / lag) (s_k - s), where s is the speed
-    that the command leads to. No feedthrough.
+    that the command settles at. No feedthrough. The drivetrain's delay is the caller's business.
     """
 
-    def __init__(self, parameters: MotorParameters, *, period: float) -> None:
+    def __init__(self, parameters: DrivetrainParameters, *, period: float) -> None:
         """Declares ports and state.
 
         Args:
@@ -102,13 +68,14 @@ class Motor(LeafSystem):
         super().__init__()
         parameters.validate()
         check_number("period", period, above=0)
-        self._parameters, self._pole = parameters, np.exp(-period / parameters.lag)
-        self._command_input = self.DeclareVectorInputPort("wheel_command", _WHEELS)
-        state = self.DeclareDiscreteState(2 * _WHEELS)
+        self._parameters, self._period = parameters, period
+        self._command_input = self.DeclareVectorInputPort("wheel_command", len(WHEELS))
+        state = self.DeclareDiscreteState(2 * len(WHEELS))
         self.DeclareStateOutputPort("desired_state", state)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
     def _update(self, context: Context, next_state: DiscreteValues) -> None:
-        steady = steady_wheel_speed(self._command_input.Eval(context), self._parameters)
-        speed = context.get_discrete_state_vector().value()[_WHEELS:]
-        next_state.set_value([*np.zeros(_WHEELS), *(steady + self._pole * (speed - steady))])
+        target = steady_speed(self._parameters, self._command_input.Eval(context))
+        speed = context.get_discrete_state_vector().value()[len(WHEELS) :]
+        speed = lagged_speed(self._parameters, speed, target, self._period)
+        next_state.set_value([*np.zeros(len(WHEELS)), *speed])

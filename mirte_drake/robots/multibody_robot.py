@@ -9,12 +9,15 @@ from pydrake.multibody.plant import (
     DiscreteContactApproximation,
 )
 from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import DiscreteTimeDelay
 
 from mirte_drake.checks import check_array, check_choice, check_number
+from mirte_drake.model.drivetrain import DrivetrainParameters
 from mirte_drake.robots.floor import FrictionPatch, add_floor, check_friction, gravity_on_slope
-from mirte_drake.robots.motor import MOTORS, Motor, MotorParameters
+from mirte_drake.robots.motor import MOTORS, Motor
 from mirte_drake.robots.planar_state import PlanarState
 from mirte_drake.robots.robot_description import add_robot
+from mirte_drake.vectors import WHEELS
 
 
 @dc.dataclass
@@ -27,7 +30,8 @@ class MultibodyRobotConfig:
     # world frame lies in the floor.
     slope: np.ndarray = dc.field(default_factory=lambda: np.zeros(2))
     motors: str = "clean"  # A named set of ``motor.MOTORS``: "clean" or "drifting".
-    motor_parameters: MotorParameters | None = None  # Others than the named ones.
+    # Others than the named ones; the delay in whole time steps.
+    motor_parameters: DrivetrainParameters | None = None
     time_step: float = 0.005  # [s]
     # (3,) [m, m, rad] or null: the first pose of the reference.
     initial_pose: np.ndarray | None = None
@@ -72,7 +76,8 @@ def AddMultibodyRobot(
     geometry_query      abstract     -                   of the SceneGraph, for a visualizer
     ==================  ===========  ==================  ========================================
 
-    No output has feedthrough. There is no disturbance port: what disturbs this robot is its floor.
+    No output has feedthrough. The state moves on in steps at multiples of ``time_step``: one who
+    samples there may see it before or after its step, as rounding has it. There is no disturbance port: what disturbs this robot is its floor.
     On a slope a stopped robot is held, but not locked: its motors give way by a small speed, and
     where friction does not hold it, it slides, with friction along the rollers' axes only.
 
@@ -111,7 +116,15 @@ def _make_robot(config: MultibodyRobotConfig, pose: np.ndarray) -> Diagram:
     planar = builder.AddNamedSystem("planar_state", PlanarState(plant, robot, floating))
     builder.Connect(motor.GetOutputPort("desired_state"), plant.get_desired_state_input_port(robot))
     builder.Connect(plant.get_state_output_port(robot), planar.GetInputPort("plant_state"))
-    builder.ExportInput(motor.GetInputPort("wheel_command"), "wheel_command")
+    command = motor.GetInputPort("wheel_command")
+    steps = round(motors.delay / config.time_step)
+    if steps:
+        # It holds its input as well, which is one step of delay.
+        delay = DiscreteTimeDelay(config.time_step, steps - 1, len(WHEELS))
+        delay = builder.AddNamedSystem("command_delay", delay)
+        builder.Connect(delay.get_output_port(), command)
+        command = delay.get_input_port()
+    builder.ExportInput(command, "wheel_command")
     for port in ("true_pose", "true_body_velocity", "wheel_angles"):
         builder.ExportOutput(planar.GetOutputPort(port), port)
     builder.ExportOutput(scene_graph.get_query_output_port(), "geometry_query")

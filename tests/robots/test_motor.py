@@ -3,10 +3,11 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from mirte_drake.geometry import PWM_SPEED, body_velocity
-from mirte_drake.robots.motor import MOTORS, Motor, MotorParameters, steady_wheel_speed
+from mirte_drake.model.drivetrain import DrivetrainParameters, steady_speed
+from mirte_drake.robots.motor import MOTORS, Motor
 from mirte_drake.vectors import YAW
 
-PARAMETERS = MotorParameters(
+PARAMETERS = DrivetrainParameters(
     gain=np.array([[0.1, 0.2, 0.3, 0.4], [0.5, 0.6, 0.7, 0.8]]),
     deadband=np.array([[10.0, 0.0, 5.0, 20.0], [0.0, 10.0, 5.0, 0.0]]),
     lag=np.array([0.1, 0.2, 0.05, 0.1]),
@@ -34,15 +35,6 @@ def test_ports():
     assert not dut.HasAnyDirectFeedthrough()
 
 
-def test_steady_speed_by_hand():
-    np.testing.assert_allclose(steady_wheel_speed(COMMAND, PARAMETERS), STEADY, atol=1e-15)
-
-
-def test_steady_speed_saturates():
-    fast = steady_wheel_speed(np.array([150.0, -150.0, 1e9, -1e9]), MotorParameters())
-    np.testing.assert_allclose(fast, 100 * PWM_SPEED * np.array([1, -1, 1, -1]))
-
-
 def test_speed_lags_behind_by_hand():
     simulator = simulate(Motor(PARAMETERS, period=0.01))
     simulator.AdvanceTo(0.025)  # Past the updates at 0, 0.01 and 0.02 s.
@@ -64,7 +56,7 @@ def test_interleaved_simulators_do_not_disturb_each_other():
 
 def test_clean_motors_are_the_ideal_ones():
     np.testing.assert_allclose(
-        steady_wheel_speed(COMMAND, MOTORS["clean"]), PWM_SPEED * COMMAND, rtol=1e-15
+        steady_speed(MOTORS["clean"], COMMAND), PWM_SPEED * COMMAND, rtol=1e-15
     )
 
 
@@ -78,7 +70,7 @@ def test_clean_motors_are_the_ideal_ones():
     ],
 )
 def test_drifting_motors_turn_the_robot_as_recorded(command, yaw_rate):
-    speeds = steady_wheel_speed(np.array(command, dtype=float), MOTORS["drifting"])
+    speeds = steady_speed(MOTORS["drifting"], np.array(command, dtype=float))
     assert body_velocity(speeds)[YAW] == pytest.approx(yaw_rate, abs=0.002)
 
 
@@ -95,9 +87,9 @@ def test_drifting_motors_turn_the_robot_as_recorded(command, yaw_rate):
 )
 def test_rejects_bad_parameters(field, value):
     with pytest.raises(ValueError, match=f"^{field}: "):
-        Motor(MotorParameters(**{field: value}), period=0.01)
+        Motor(DrivetrainParameters(**{field: value}), period=0.01)
 
 
 def test_rejects_bad_period():
     with pytest.raises(ValueError, match=r"^period: "):
-        Motor(MotorParameters(), period=0.0)
+        Motor(DrivetrainParameters(), period=0.0)

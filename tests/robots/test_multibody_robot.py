@@ -8,8 +8,8 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from mirte_drake.angles import rotation
 from mirte_drake.geometry import PWM_SPEED, WHEEL_RADIUS, body_velocity
+from mirte_drake.model.drivetrain import DrivetrainParameters
 from mirte_drake.robots.floor import GRAVITY, FrictionPatch
-from mirte_drake.robots.motor import MotorParameters
 from mirte_drake.robots.multibody_robot import AddMultibodyRobot, MultibodyRobotConfig
 from mirte_drake.typed_yaml import parse_typed
 from mirte_drake.vectors import YAW
@@ -262,6 +262,16 @@ def test_interleaved_simulators_do_not_disturb_each_other():
     assert not np.allclose(both[0].read("true_pose"), both[1].read("true_pose"))
 
 
+def test_delay_of_the_drivetrain_shifts_the_motion():
+    command, lag = np.full(4, 50.0), np.full(4, 0.16)
+    late = Drive(motor_parameters=DrivetrainParameters(lag=lag, delay=0.05))
+    prompt = Drive(motor_parameters=DrivetrainParameters(lag=lag))
+    moved = late.run(command, 0.35, every=0.005)["pose"][:, 0]
+    expected = prompt.run(command, 0.3, every=0.005)["pose"][:, 0]
+    np.testing.assert_allclose(moved[10:], expected, rtol=0, atol=1e-5)
+    assert np.abs(moved[:10]).max() < 1e-6 and moved[-1] > 0.05
+
+
 def test_config_loads_from_yaml():
     text = """
         floor_friction: 0.3
@@ -285,7 +295,7 @@ def test_config_loads_from_yaml():
         ("slope", {"slope": np.zeros(3)}),
         ("slope", {"slope": np.array([1.0, 0.0])}),
         ("motors", {"motors": "dirty"}),
-        ("motor_parameters.lag", {"motor_parameters": MotorParameters(lag=np.zeros(4))}),
+        ("motor_parameters.lag", {"motor_parameters": DrivetrainParameters(lag=np.zeros(4))}),
         ("time_step", {"time_step": 0.0}),
         ("time_step", {"time_step": 0.1}),
         ("initial_pose", {"initial_pose": np.zeros(2)}),
