@@ -13,8 +13,6 @@ from mirte_drake.assembly import AddRobot
 from mirte_drake.control.excitation import ExcitationConfig
 from mirte_drake.robots.odometry_sensor import OdometrySensorConfig
 from mirte_drake.robots.robot_ports import RobotPorts
-from mirte_drake.robots.rolling_odometry import AddRollingOdometry
-from mirte_drake.robots.sindyc_robot import SindycRobotConfig
 from mirte_drake.scenario import Scenario
 from mirte_drake.systems.excitation_source import AddExcitationSource
 from mirte_drake.vectors import WHEELS
@@ -96,25 +94,19 @@ def collect_scenario(
     Args:
         scenario: Whose robot it is.
         excitation: Settings of algorithm 1.
-        seed: Seed >= 0 of the excitation.
+        seed: Seed >= 0 of the excitation and of the odometry's jitter.
         on_sample: Called after each row, for a progress bar.
 
     Raises:
         ValueError: when the robot, ``excitation`` or ``seed`` is out of range.
     """
-
-    def add_robot(builder: DiagramBuilder) -> RobotPorts:
-        ports = AddRobot(builder, scenario)
-        match scenario.robot:
-            case SindycRobotConfig(initial_pose=pose):  # Has no wheels that odometry could read.
-                start = scenario.first_pose if pose is None else pose
-                return AddRollingOdometry(builder, ports, OdometrySensorConfig(), start=start)
-        return ports
-
+    # Odometry is what is recorded, so that a robot without it gets one.
+    odometry = scenario.measuring_odometry or OdometrySensorConfig()
+    scenario = dc.replace(scenario, odometry=odometry, seed=seed)
     return collect(
-        add_robot,
+        lambda builder: AddRobot(builder, scenario),
         excitation,
         seed=seed,
-        integration_accuracy=scenario.integration_accuracy,
+        integration_accuracy=scenario.accuracy,
         on_sample=on_sample,
     )

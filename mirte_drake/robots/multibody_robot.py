@@ -76,8 +76,10 @@ def AddMultibodyRobot(
     geometry_query      abstract     -                   of the SceneGraph, for a visualizer
     ==================  ===========  ==================  ========================================
 
-    No output has feedthrough. The state moves on in steps at multiples of ``time_step``: one who
-    samples there may see it before or after its step, as rounding has it. There is no disturbance port: what disturbs this robot is its floor.
+    No output has feedthrough. The state moves on at multiples of ``time_step``: one who samples
+    there may see it before or after its step, as rounding has it.
+
+    There is no disturbance port: what disturbs this robot is its floor.
     On a slope a stopped robot is held, but not locked: its motors give way by a small speed, and
     where friction does not hold it, it slides, with friction along the rollers' axes only.
 
@@ -101,6 +103,9 @@ def AddMultibodyRobot(
 def _make_robot(config: MultibodyRobotConfig, pose: np.ndarray) -> Diagram:
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, config.time_step)
+    # A plant with sampled outputs moves on before all discrete updates: a controller that plans in
+    # an unrestricted update and holds its command in a discrete one would see two states.
+    plant.SetUseSampledOutputPorts(False)
     plant.set_contact_model(ContactModel.kPoint)
     plant.set_discrete_contact_approximation(DiscreteContactApproximation.kLagged)
     robot, floating = add_robot(plant)
