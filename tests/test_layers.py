@@ -17,7 +17,7 @@ LAYERS = [
     {"scenario"},
     {"assembly"},
     {"run", "collect"},
-    {"benchmark"},
+    {"benchmark", "comparison"},
     {"cli", "__main__"},
 ]
 # Read by assembly, run and cli; reads arrays and Diagrams, not the layers above `vectors`.

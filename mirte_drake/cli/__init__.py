@@ -11,7 +11,9 @@ import click
 from mirte_drake.cli import (  # noqa: F401 They add their commands.
     benchmark,
     collection,
+    comparison,
     identification,
+    robot_export,
     robot_fit,
     simulation,
 )

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from mirte_drake.cli.options import commands, set_option
+from mirte_drake.cli.options import commands, robot_option, set_option
 from mirte_drake.errors import UserError
 
 
@@ -19,8 +19,13 @@ from mirte_drake.errors import UserError
     help="Of the excitation [s]: half random templates, half patterns.",
 )
 @click.option(
-    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the excitation."
+    "--seed",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="Of excitation and jitter.",
 )
+@robot_option
 @set_option
 @click.option(
     "--output",
@@ -28,7 +33,12 @@ from mirte_drake.errors import UserError
     help="Recording to write  [default: runs/NAME.csv]",
 )
 def collect(
-    name: str, duration: float, seed: int, overrides: tuple[str, ...], output: Path | None
+    name: str,
+    duration: float,
+    seed: int,
+    robot: tuple[str, ...],
+    overrides: tuple[str, ...],
+    output: Path | None,
 ) -> None:
     """Drives the robot of the scenario NAME by the excitation of algorithm 1 and records it.
 
@@ -45,7 +55,7 @@ def collect(
         excitation.validate()
     except ValueError as error:
         raise UserError(f"--{error}") from None
-    scenario = load_scenario(name, overrides)
+    scenario = load_scenario(name, (*robot, *overrides))
     stem = scenario_stem(name)
     output = output or Path("runs") / f"{stem}.csv"
     rows = num_samples(excitation)
