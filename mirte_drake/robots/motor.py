@@ -1,5 +1,7 @@
 """The motors: what speed each wheel is driven to by a wheel command."""
 
+import dataclasses as dc
+
 import numpy as np
 from pydrake.systems.framework import (
     Context,
@@ -7,13 +9,13 @@ from pydrake.systems.framework import (
     LeafSystem,
 )
 
-from mirte_drake.checks import check_number
+from mirte_drake.checks import check_choice, check_number
 from mirte_drake.geometry import PWM_SPEED
 from mirte_drake.model.drivetrain import DrivetrainParameters, lagged_speed, steady_speed
+from mirte_drake.model.robot_file import load_robot_file
 from mirte_drake.vectors import WHEELS
 
-# As the recordings' sideways steps have (0.10-0.17 s).
-LAG = np.full(len(WHEELS), 0.16)  # [s]
+LAG = 0.16  # [s] As the recordings' sideways steps have (0.10-0.17 s).
 
 # Tuned once to the recording of thesis figure 3-4, +-50 PWM on the constant-heading rectangle.
 # The gains are the ones nearest to 0.92 of the ideal that give by (2-3) the speeds recorded forward
@@ -24,12 +26,25 @@ LAG = np.full(len(WHEELS), 0.16)  # [s]
 # Deviation: sideways the recorded robot reaches 0.25 m/s and this one 0.43 m/s, since gains per
 # wheel and direction, which forward motion fixes, cannot slow it down.
 _DRIFTING_SHARE = np.array([[0.837, 0.921, 1.033, 0.959], [0.853, 0.825, 0.937, 0.975]])
-_DRIFTING_LAG = np.array([0.25, 0.25, 0.16, 0.16])
+_DRIFTING_LAG = np.array([0.25, 0.25, LAG, LAG])
 
-MOTORS = {  # Named sets.
-    "clean": DrivetrainParameters(lag=LAG),
-    "drifting": DrivetrainParameters(gain=PWM_SPEED * _DRIFTING_SHARE, lag=_DRIFTING_LAG),
-}
+MOTORS = ("clean", "drifting", "fitted")  # Named sets.
+
+
+def motor_parameters(name: str) -> DrivetrainParameters:
+    """Returns a named set: ideal ones, those tuned to drift, or the gains of the dynamic robot.
+
+    Raises:
+        ValueError: for an unknown name.
+    """
+    check_choice("motors", name, MOTORS)
+    lag = np.full(len(WHEELS), LAG)
+    if name == "clean":
+        return DrivetrainParameters(lag=lag)
+    if name == "drifting":
+        return DrivetrainParameters(gain=PWM_SPEED * _DRIFTING_SHARE, lag=_DRIFTING_LAG.copy())
+    # Of the fitted robot the lag is that of its mass behind soft motors; here motors are stiff.
+    return dc.replace(load_robot_file("fitted").parameters.drivetrain, lag=lag)
 
 
 class Motor(LeafSystem):

@@ -14,7 +14,7 @@ from pydrake.systems.primitives import DiscreteTimeDelay
 from mirte_drake.checks import check_array, check_choice, check_number
 from mirte_drake.model.drivetrain import DrivetrainParameters
 from mirte_drake.robots.floor import FrictionPatch, add_floor, check_friction, gravity_on_slope
-from mirte_drake.robots.motor import MOTORS, Motor
+from mirte_drake.robots.motor import MOTORS, Motor, motor_parameters
 from mirte_drake.robots.planar_state import PlanarState
 from mirte_drake.robots.robot_description import add_robot
 from mirte_drake.vectors import WHEELS
@@ -29,7 +29,7 @@ class MultibodyRobotConfig:
     # (2,) [rad] angle of the slope times the direction uphill, in the world frame's x and y: the
     # world frame lies in the floor.
     slope: np.ndarray = dc.field(default_factory=lambda: np.zeros(2))
-    motors: str = "clean"  # A named set of ``motor.MOTORS``: "clean" or "drifting".
+    motors: str = "clean"  # A named set: "clean", "drifting" or "fitted".
     # Others than the named ones; the delay in whole time steps.
     motor_parameters: DrivetrainParameters | None = None
     time_step: float = 0.005  # [s]
@@ -116,7 +116,7 @@ def _make_robot(config: MultibodyRobotConfig, pose: np.ndarray) -> Diagram:
     floating.set_default_translation([x, y, 0])
     floating.set_default_angles([0, 0, yaw])
 
-    motors = config.motor_parameters or MOTORS[config.motors]
+    motors = config.motor_parameters or motor_parameters(config.motors)
     motor = builder.AddNamedSystem("motor", Motor(motors, period=config.time_step))
     planar = builder.AddNamedSystem("planar_state", PlanarState(plant, robot, floating))
     builder.Connect(motor.GetOutputPort("desired_state"), plant.get_desired_state_input_port(robot))

@@ -4,7 +4,8 @@ from pydrake.systems.analysis import Simulator
 
 from mirte_drake.geometry import PWM_SPEED, body_velocity
 from mirte_drake.model.drivetrain import DrivetrainParameters, steady_speed
-from mirte_drake.robots.motor import MOTORS, Motor
+from mirte_drake.model.robot_file import load_robot_file
+from mirte_drake.robots.motor import MOTORS, Motor, motor_parameters
 from mirte_drake.vectors import YAW
 
 PARAMETERS = DrivetrainParameters(
@@ -56,8 +57,31 @@ def test_interleaved_simulators_do_not_disturb_each_other():
 
 def test_clean_motors_are_the_ideal_ones():
     np.testing.assert_allclose(
-        steady_speed(MOTORS["clean"], COMMAND), PWM_SPEED * COMMAND, rtol=1e-15
+        steady_speed(motor_parameters("clean"), COMMAND), PWM_SPEED * COMMAND, rtol=1e-15
     )
+
+
+def test_fitted_motors_have_the_gains_of_the_fitted_robot():
+    fitted = load_robot_file("fitted").parameters.drivetrain
+    motors = motor_parameters("fitted")
+    np.testing.assert_array_equal(motors.gain, fitted.gain)
+    np.testing.assert_array_equal(motors.friction, fitted.friction)
+    np.testing.assert_array_equal(motors.lag, motor_parameters("clean").lag)
+
+
+@pytest.mark.parametrize("name", MOTORS)
+def test_named_sets_are_valid_and_nobody_elses(name):
+    motors = motor_parameters(name)
+    motors.validate()
+    motors.gain *= 2.0
+    motors.lag *= 2.0
+    assert np.all(motor_parameters(name).gain < motors.gain)
+    assert np.all(motor_parameters(name).lag < motors.lag)
+
+
+def test_rejects_an_unknown_set():
+    with pytest.raises(ValueError, match=r"^motors: must be one of clean, drifting, fitted"):
+        motor_parameters("dirty")
 
 
 @pytest.mark.parametrize(
@@ -70,7 +94,7 @@ def test_clean_motors_are_the_ideal_ones():
     ],
 )
 def test_drifting_motors_turn_the_robot_as_recorded(command, yaw_rate):
-    speeds = steady_speed(MOTORS["drifting"], np.array(command, dtype=float))
+    speeds = steady_speed(motor_parameters("drifting"), np.array(command, dtype=float))
     assert body_velocity(speeds)[YAW] == pytest.approx(yaw_rate, abs=0.002)
 
 

@@ -162,9 +162,9 @@ def rectangle_commands(recordings=None) -> list[tuple[np.ndarray, float]]:
     return [(command, 0.1) for command in commands]
 
 
-def drive_rectangle(commands, **config) -> tuple[Drive, float]:
+def drive_rectangle(commands, motors="drifting", **config) -> tuple[Drive, float]:
     """Drives the rectangle; returns also the peak of the yaw rate in lateral motion."""
-    drive, peak = Drive(motors="drifting", **config), 0.0
+    drive, peak = Drive(motors=motors, **config), 0.0
     for command, duration in commands:
         yaw_before = drive.read("true_pose")[YAW]
         yaw = drive.run(command, duration, every=0.1)["pose"][:, YAW]
@@ -179,6 +179,13 @@ def test_drifting_robot_turns_on_the_recorded_rectangle_as_the_thesis_saw(record
     drive, peak = drive_rectangle(rectangle_commands(recordings))
     assert drive.read("true_pose")[YAW] == pytest.approx(0.7, abs=0.15)
     assert peak == pytest.approx(0.3, abs=0.05)
+
+
+def test_gains_of_the_fitted_robot_turn_it_by_less(recordings):
+    """What the recordings alone give, with all that the fit puts down to friction."""
+    drive, peak = drive_rectangle(rectangle_commands(recordings), motors="fitted")
+    assert drive.read("true_pose")[YAW] == pytest.approx(0.44, abs=0.02)
+    assert peak == pytest.approx(0.145, abs=0.01)
 
 
 def test_drifting_robot_turns_on_the_rectangle_with_left_first_too():
