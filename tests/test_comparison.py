@@ -113,9 +113,13 @@ def test_seeds_repeat_and_differ(robot):
     assert first == again != other
 
 
-def test_processes_give_what_one_gives():
-    todo = trials(["baseline_rectangle"], ["sindyc"], 2)
-    assert repr(run_trials(todo, SHORT, jobs=2)) == repr(run_trials(todo, SHORT))
+@pytest.mark.parametrize("batch", [50, 1])
+def test_processes_give_what_one_gives(batch, monkeypatch):
+    monkeypatch.setattr("mirte_drake.comparison.BATCH", batch)
+    todo, calls = trials(["baseline_rectangle"], ["sindyc"], 3), []
+    many = run_trials(todo, SHORT, jobs=2, on_run=lambda: calls.append(1))
+    assert repr(many) == repr(run_trials(todo, SHORT))
+    assert len(calls) == 3
 
 
 def test_what_does_not_load_is_named_before_anything_runs():
