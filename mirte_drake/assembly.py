@@ -7,8 +7,9 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import ZeroOrderHold
 
 from mirte_drake.errors import UserError
+from mirte_drake.robots.measured_robot import AddMeasuredRobot
 from mirte_drake.robots.robot_ports import RobotPorts
-from mirte_drake.robots.sindyc_robot import AddSindycRobot
+from mirte_drake.robots.sindyc_robot import AddSindycRobot, SindycRobotConfig
 from mirte_drake.scenario import Scenario, load_prediction_model
 from mirte_drake.systems.ancillary_dlqr import AddAncillaryDlqr
 from mirte_drake.systems.disturbance_source import AddDisturbanceSource
@@ -24,8 +25,18 @@ from mirte_drake.systems.wheel_command_limiter import AddWheelCommandLimiter
 
 
 def AddRobot(builder: DiagramBuilder, scenario: Scenario) -> RobotPorts:
-    """Adds the robot that the scenario names and returns its ports."""
-    return AddSindycRobot(builder, scenario.robot, start=scenario.first_pose)
+    """Adds the robot that the scenario names, with its odometry, and returns its ports.
+
+    With odometry it is a Diagram of ``MakeMeasuredRobot``, without one a SindycRobot.
+
+    Raises:
+        ValueError: when robot or odometry is out of range.
+    """
+    robot, odometry = scenario.robot, scenario.measuring_odometry
+    if odometry is None:
+        assert isinstance(robot, SindycRobotConfig)
+        return AddSindycRobot(builder, robot, start=scenario.first_pose)
+    return AddMeasuredRobot(builder, robot, odometry, start=scenario.first_pose, seed=scenario.seed)
 
 
 def AddReference(
@@ -132,9 +143,13 @@ def MakeDiagram(scenario: Scenario) -> Diagram:
         - reference
         - pose
         - body_velocity
+        - true_pose
         - wheel_command
         - plan
         - disturbance
+
+    ``pose`` and ``body_velocity`` are measured, by odometry where the robot has one; ``true_pose``
+    is where it is. A robot without an input for a disturbance leaves ``disturbance`` out.
 
     With a VelocitySetpointConfig as reference there is an input ``velocity_setpoint`` (3,), which
     may stay open. The controller's further outputs (``half_width``, ``designs``,
@@ -163,6 +178,8 @@ def MakeDiagram(scenario: Scenario) -> Diagram:
     builder.ExportOutput(reference.GetOutputPort("reference"), "reference")
     builder.ExportOutput(robot.pose, "pose")
     builder.ExportOutput(robot.body_velocity, "body_velocity")
+    assert robot.true_pose is not None
+    builder.ExportOutput(robot.true_pose, "true_pose")
     for index in range(controller.num_output_ports()):
         port = controller.get_output_port(index)
         builder.ExportOutput(port, port.get_name())

@@ -20,7 +20,7 @@ from mirte_drake.files import replacing, write_json
 from mirte_drake.scenario import Scenario
 from mirte_drake.systems.nominal_nmpc import NominalNmpc
 from mirte_drake.typed_yaml import write_typed
-from mirte_drake.vectors import POSE
+from mirte_drake.vectors import POSE, POSE_SIZE
 
 ROUNDING = 1e-9  # [m, rad, pwm] Where the controller meets a bound exactly.
 
@@ -52,8 +52,8 @@ def simulate(scenario: Scenario, name: str, on_sample: Callable[[], object] = la
     start = time.perf_counter()
     diagram = MakeDiagram(scenario)
     rows = []
-    for context in samples(diagram, scenario):
-        rows.append(_sample(diagram, context))
+    for context, true_pose in samples(diagram, scenario):
+        rows.append(_sample(diagram, context, true_pose))
         on_sample()
     log = {key: np.array([row[key] for row in rows]) for key in rows[0]}
     nmpc = diagram.GetSubsystemByName("controller").GetSubsystemByName("nominal_nmpc")
@@ -61,22 +61,24 @@ def simulate(scenario: Scenario, name: str, on_sample: Callable[[], object] = la
     return Run(name, scenario, log, nmpc.problem.rate_limit, time.perf_counter() - start)
 
 
-def samples(diagram: Diagram, scenario: Scenario) -> Iterator[Context]:
-    """Simulates the Diagram of a scenario and yields its Context at every sample.
+def samples(diagram: Diagram, scenario: Scenario) -> Iterator[tuple[Context, np.ndarray]]:
+    """Simulates the Diagram of a scenario and yields its Context and the true pose at every sample.
 
-    The updates of that instant are done, so that plan and command are those that follow from the
-    pose.
+    In the Context the updates of that instant are done, so that plan and command are those that
+    follow from the measured pose. The true pose is from before them: they take a robot with
+    discrete states on to its next step.
     """
     simulator = Simulator(diagram)
-    simulator.get_mutable_integrator().set_target_accuracy(scenario.integration_accuracy)
+    simulator.get_mutable_integrator().set_target_accuracy(scenario.accuracy)
     simulator.Initialize()
     for k in range(scenario.steps):
         simulator.AdvanceTo(k * scenario.period)
+        true_pose = diagram.GetOutputPort("true_pose").Eval(simulator.get_context())
         simulator.AdvancePendingEvents()
-        yield simulator.get_context()
+        yield simulator.get_context(), true_pose
 
 
-def _sample(diagram: Diagram, context: Context) -> dict[str, object]:
+def _sample(diagram: Diagram, context: Context, true_pose: np.ndarray) -> dict[str, object]:
     def evaluate(port: str) -> object:
         return diagram.GetOutputPort(port).Eval(context)
 
@@ -86,10 +88,12 @@ def _sample(diagram: Diagram, context: Context) -> dict[str, object]:
     if diagram.HasOutputPort("designs"):
         designs: tuple[DlqrDesign, ...] = evaluate("designs")  # type: ignore[assignment]
         gain = designs[0].gain
+    disturbed = diagram.HasOutputPort("disturbance")
     return {
         "time": context.get_time(),
         "reference": plan.data.reference[0],
         "pose": evaluate("pose"),
+        "true_pose": true_pose,
         "nominal_pose": plan.nominal_state[POSE],
         "nominal_next": plan.nominal_next[POSE],
         "nominal_plan": plan.inputs,
@@ -99,7 +103,7 @@ def _sample(diagram: Diagram, context: Context) -> dict[str, object]:
         "half_width": plan.data.half_width,
         "input_lower": plan.data.input_lower[0],
         "input_upper": plan.data.input_upper[0],
-        "disturbance": evaluate("disturbance"),
+        "disturbance": evaluate("disturbance") if disturbed else np.zeros(POSE_SIZE),
         "solve_time_s": plan.solve_time,
         "preparation_time_s": plan.preparation_time,
         "iterations": plan.iterations,
@@ -110,8 +114,6 @@ def _sample(diagram: Diagram, context: Context) -> dict[str, object]:
 def summarise(run: Run) -> dict[str, object]:
     """Returns the summary of a run, as written to ``summary.json``."""
     log, limit = run.log, run.scenario.input_limit
-    error = pose_error(log["pose"], log["reference"])
-    rmse = np.sqrt(np.mean(error**2, axis=0))
     deviation = pose_error(log["pose"], log["nominal_pose"])
     successor_error = np.abs(pose_error(log["pose"][1:], log["nominal_next"][:-1]))
     # What the ancillary law asked for: what is applied has been saturated.
@@ -125,7 +127,8 @@ def summarise(run: Run) -> dict[str, object]:
         "steps": len(log["time"]),
         "simulated_time_s": float(log["time"][-1]),
         "wall_time_s": run.wall_time,
-        "rmse": dict(zip(("x_m", "y_m", "yaw_rad"), rmse, strict=True)),
+        "rmse": _rmse(log["pose"], log["reference"]),
+        "true_rmse": _rmse(log["true_pose"], log["reference"]),
         "solve_time_ms": _percentiles(log["solve_time_s"]),
         "feedback_time_ms": _percentiles(log["solve_time_s"] - log["preparation_time_s"]),
         "solver": run.scenario.nominal_nmpc.solver,
@@ -138,6 +141,11 @@ def summarise(run: Run) -> dict[str, object]:
         "rate_violations": _count(moves > run.rate_limit + ROUNDING),
         "versions": versions(),
     }
+
+
+def _rmse(pose: np.ndarray, reference: np.ndarray) -> dict[str, float]:
+    rmse = np.sqrt(np.mean(pose_error(pose, reference) ** 2, axis=0))
+    return dict(zip(("x_m", "y_m", "yaw_rad"), rmse, strict=True))
 
 
 def _percentiles(seconds: np.ndarray) -> dict[str, float]:

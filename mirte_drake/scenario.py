@@ -14,6 +14,9 @@ from mirte_drake.errors import UserError
 from mirte_drake.files import read_text
 from mirte_drake.model.model_file import load_model
 from mirte_drake.model.sparse_model import SparseModel
+from mirte_drake.robots.dynamic_robot import DynamicRobotConfig
+from mirte_drake.robots.measured_robot import RobotConfig
+from mirte_drake.robots.odometry_sensor import OdometrySensorConfig
 from mirte_drake.robots.sindyc_robot import SindycRobotConfig
 from mirte_drake.systems.ancillary_dlqr import AncillaryDlqrConfig
 from mirte_drake.systems.disturbance_source import (
@@ -30,7 +33,13 @@ from mirte_drake.typed_yaml import parse_typed, top_level_text
 from mirte_drake.vectors import POSE_SIZE, WHEELS
 
 SUFFIX = ".scenario.yaml"
-KINDS = (*get_args(ReferencePathConfig), VelocitySetpointConfig, *get_args(DisturbanceConfig))
+KINDS = (
+    *get_args(ReferencePathConfig),
+    VelocitySetpointConfig,
+    *get_args(DisturbanceConfig),
+    *get_args(RobotConfig),
+)
+JITTER = 0.012  # [s] Of odometry: the middle of what the robot's recordings look like.
 
 
 @dc.dataclass
@@ -39,7 +48,7 @@ class Scenario:
 
     extends: str = ""  # Name of a scenario whose values are the defaults of this one.
     description: str = ""
-    seed: int = 0  # Of the disturbance.
+    seed: int = 0  # Of the disturbance and of the odometry's jitter.
     duration: float | None = None  # [s]; null: the reference path's own.
     period: float = 0.1  # [s] T_s.
     input_limit: float = 100.0  # [pwm] every wheel, LB = -UB.
@@ -54,9 +63,13 @@ class Scenario:
     wheel_command_limiter: WheelCommandLimiterConfig = dc.field(
         default_factory=WheelCommandLimiterConfig
     )
+    # A multibody robot has no input for it: what disturbs that one is its floor.
     disturbance: DisturbanceConfig = dc.field(default_factory=UniformDisturbance)
-    robot: SindycRobotConfig = dc.field(default_factory=SindycRobotConfig)
-    integration_accuracy: float = 1e-6  # Of the simulated robot.
+    robot: RobotConfig = dc.field(default_factory=SindycRobotConfig)
+    # null: the robot's own, see ``measuring_odometry``.
+    odometry: OdometrySensorConfig | None = None
+    # Of the simulated robot; null: its own, 0.01 of a dynamic robot, 1e-6 of the others.
+    integration_accuracy: float | None = None
 
     def validate(self) -> None:
         """Checks every value.
@@ -68,7 +81,8 @@ class Scenario:
         check_number("seed", self.seed, minimum=0, maximum=2**53)
         check_number("period", self.period, above=0)
         check_number("input_limit", self.input_limit, above=0)
-        check_number("integration_accuracy", self.integration_accuracy, above=0)
+        if self.integration_accuracy is not None:
+            check_number("integration_accuracy", self.integration_accuracy, above=0)
         if self.duration is not None:
             check_number("duration", self.duration, minimum=self.period)
         elif isinstance(self.reference, VelocitySetpointConfig):
@@ -89,6 +103,25 @@ class Scenario:
         if isinstance(self.reference, VelocitySetpointConfig):
             return self.reference.start
         return self.reference.poses(self.period)[0]
+
+    @property
+    def measuring_odometry(self) -> OdometrySensorConfig | None:
+        """The odometry that measures the pose; None: the true pose is measured.
+
+        A robot has its own unless the scenario gives one: a SINDYc robot, which has no wheels and
+        serves the studies, none; the others that of the recordings. Where a SINDYc robot is given
+        one, wheels roll under it without slip.
+        """
+        if self.odometry is None and not isinstance(self.robot, SindycRobotConfig):
+            return OdometrySensorConfig(jitter=JITTER)
+        return self.odometry
+
+    @property
+    def accuracy(self) -> float:
+        """Accuracy that the robot is integrated with."""
+        if self.integration_accuracy is not None:
+            return self.integration_accuracy
+        return 1e-2 if isinstance(self.robot, DynamicRobotConfig) else 1e-6
 
     @property
     def steps(self) -> int:
@@ -213,7 +246,11 @@ def _resolve_paths(scenario: Scenario, folder: Path) -> None:
         return str((folder / name_or_path).resolve()) if is_path else name_or_path
 
     scenario.prediction_model = resolved(scenario.prediction_model)
-    scenario.robot.model = resolved(scenario.robot.model)
+    match scenario.robot:
+        case SindycRobotConfig():
+            scenario.robot.model = resolved(scenario.robot.model)
+        case DynamicRobotConfig():
+            scenario.robot.robot = resolved(scenario.robot.robot)
     if isinstance(scenario.disturbance, RecordedDisturbance):
         scenario.disturbance.file = (folder / scenario.disturbance.file).resolve()
 

@@ -17,6 +17,9 @@ from mirte_drake.assembly import (
 from mirte_drake.control.plan import Plan, SolveStatus
 from mirte_drake.control.reference_paths import CirclePath
 from mirte_drake.errors import UserError
+from mirte_drake.robots.dynamic_robot import DynamicRobotConfig
+from mirte_drake.robots.multibody_robot import MultibodyRobotConfig
+from mirte_drake.robots.odometry_sensor import OdometrySensorConfig
 from mirte_drake.robots.robot_ports import RobotPorts
 from mirte_drake.robots.sindyc_robot import SindycRobotConfig
 from mirte_drake.run import simulate as simulate_run
@@ -94,7 +97,7 @@ def test_ports_of_controller_and_diagram(scenario, further):
     diagram = MakeDiagram(scenario)
     assert input_names(diagram) == []
     assert set(output_names(diagram)) == {
-        *("reference", "pose", "body_velocity", "disturbance"),
+        *("reference", "pose", "body_velocity", "true_pose", "disturbance"),
         *("wheel_command", "plan", "solve_status", *further),
     }
 
@@ -314,6 +317,42 @@ def test_add_robot_returns_its_ports():
     ports = AddRobot(builder, TURNING)
     assert isinstance(ports, RobotPorts)
     assert ports.pose.get_system() is builder.GetSubsystemByName("sindyc_robot")
+
+
+@pytest.mark.parametrize(
+    ("robot", "name"),
+    [
+        (SindycRobotConfig(), "sindyc_robot"),
+        (DynamicRobotConfig(), "dynamic_robot"),
+        (MultibodyRobotConfig(), "multibody_robot"),
+    ],
+)
+def test_every_robot_is_a_part_of_its_name_with_the_odometry_in_it(robot, name):
+    scenario = dc.replace(TURNING, robot=robot, odometry=OdometrySensorConfig())
+    diagram = MakeDiagram(scenario)
+    parts = {system.get_name() for system in diagram.GetSystems()}
+    with_source = set() if name == "multibody_robot" else {"disturbance_source"}
+    assert parts == {"reference_source", "controller", name} | with_source
+    assert diagram.HasOutputPort("disturbance") == bool(with_source)
+    simulator = Simulator(diagram)
+    plans = read_at_samples(simulator, 3, "plan", "pose")
+    for plan, pose in plans:
+        assert plan.status is SolveStatus.SOLVED
+        np.testing.assert_array_equal(plan.data.state, pose)  # Planned from what is measured.
+    np.testing.assert_array_equal(plans[0][1], scenario.first_pose)
+    assert diagram.GetSubsystemByName(name).HasSubsystemNamed("odometry_sensor")
+
+
+def test_seed_of_the_scenario_is_that_of_the_odometry():
+    robot = MultibodyRobotConfig()
+    first, again, other = (
+        read_at_samples(
+            Simulator(MakeDiagram(dc.replace(TURNING, robot=robot, seed=seed))), 8, "pose"
+        )
+        for seed in (0, 0, 1)
+    )
+    np.testing.assert_array_equal(first, again)
+    assert np.any(np.array(first) != np.array(other))
 
 
 def test_add_controller_returns_it_by_name():

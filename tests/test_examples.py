@@ -17,11 +17,27 @@ EXPECTED = {
     "one_system_alone": r"after 5\.0 s: \+-0\.0149 m, \+-0\.0246 m, \+-0\.0137 rad",
     "own_robot": r"position error: mean 0\.01\d\d m, largest 0\.02\d\d m",
     "recover_a_known_model": r"240 s: error .*; support found in .* 100%",
+    "from_data_to_drive": (
+        r"identified model, second drive: velocity RMSE 0\.0[78]\d 0\.0[78]\d 0\.3\d\d\n"
+        r"published model, second drive: velocity RMSE 0\.0[89]\d 0\.1[45]\d 0\.4\d\d\n"
+        r"disturbance bound: 0\.1\d\d 0\.1\d\d 0\.6\d\d m/s, m/s, rad/s, holds in 9\d%.*\n"
+        r"rectangle, identified model: rmse x 0\.00\d\d m, y 0\.00\d\d m, .*\n"
+        r"rectangle, identified model: true_rmse x 0\.00\d\d m, y 0\.00\d\d m, .*\n"
+        r"rectangle, identified model: outside the tube in 0 of 250 samples\n"
+    ),
     "export_the_picture": r"rectangle\.svg\n(.*\n)+.*controller\.dot",
 }
 
+SLOW = ("from_data_to_drive",)  # Half a minute.
 
-@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(path, id=path.stem, marks=[pytest.mark.slow] if path.stem in SLOW else [])
+        for path in EXAMPLES
+    ],
+)
 def test_example_runs_in_an_empty_folder(path, tmp_path):
     done = subprocess.run([sys.executable, path], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

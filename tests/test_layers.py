@@ -16,8 +16,8 @@ LAYERS = [
     {"systems", "robots"},
     {"scenario"},
     {"assembly"},
-    {"run"},
-    {"benchmark"},
+    {"run", "collect"},
+    {"benchmark", "comparison"},
     {"cli", "__main__"},
 ]
 # Read by assembly, run and cli; reads arrays and Diagrams, not the layers above `vectors`.

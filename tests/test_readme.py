@@ -7,13 +7,26 @@ from pathlib import Path
 import pytest
 
 from mirte_drake.cli import main
+from mirte_drake.comparison import (
+    SCENARIOS,
+    comparison,
+    comparison_text,
+    run_trials,
+    trials,
+)
+from mirte_drake.control.excitation import ExcitationConfig
 from mirte_drake.identification.csv_file import save_csv
-from mirte_drake.identification.synthetic_recording import synthetic_recording
+from mirte_drake.identification.synthetic_recording import (
+    SyntheticRecordingConfig,
+    synthetic_recording,
+)
+from mirte_drake.robots.names import ROBOTS, robot_override
 from mirte_drake.run import simulate, summarise
 from mirte_drake.scenario import load_scenario, scenario_names
 
 README = (Path(__file__).parents[1] / "README.md").read_text()
 TABLE = README.split("<!-- results", 1)[1].split("\n\n", 1)[0]
+COMPARISON = README.split("<!-- comparison", 1)[1].split("```")[1]
 ROWS = dict(re.findall(r"^\| (\w+) \| (\d.*) \|$", TABLE, re.M))
 COMMANDS = re.findall(r"^    (mirte-drake .*)$", README, re.M)
 
@@ -57,23 +70,58 @@ def test_the_text_holds_what_the_command_gives(name, override, outside):
     check(name, rmse, outside, override)
 
 
+def test_the_slippery_floor_is_as_the_text_says():
+    settings = [robot_override("multibody"), "robot.floor_friction=0.05"]
+    summary = summarise(simulate(load_scenario("turning_circle", settings), "turning_circle"))
+    assert [summary["rmse"][key] for key in ("x_m", "y_m")] == pytest.approx([0.005] * 2, abs=1e-3)
+    true = [summary["true_rmse"][key] for key in ("x_m", "y_m")]
+    assert true == pytest.approx([0.35, 0.55], abs=0.02)
+
+
+def test_the_comparison_has_every_scenario_on_every_robot():
+    rows = [tuple(line.split()[:2]) for line in COMPARISON.splitlines()[4:]]
+    assert rows == [(scenario, robot) for scenario in SCENARIOS for robot in ROBOTS]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scenario", ["rectangle", "baseline_turning_circle"])
+def test_the_comparison_is_what_the_command_gives(scenario):
+    todo = trials([scenario], ROBOTS, runs=20)
+    text = comparison_text(comparison(todo, run_trials(todo)))
+    for line in text.splitlines()[3:]:
+        name, robot, *numbers = line.split()
+        (printed,) = re.findall(rf"^{name} +{robot} +(.*)$", COMPARISON, re.M)
+        # The last digit may be rounded differently, and a sample may fall on the other side.
+        tolerances = [1.01] * 6 + [0.5] * 3 + [0.1]
+        for number, value, tolerance in zip(numbers, printed.split(), tolerances, strict=True):
+            if "-" not in (number, value):
+                assert float(number) == pytest.approx(float(value), rel=0.02, abs=tolerance)
+            else:
+                assert number == value
+
+
 def test_every_command_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (own,) = re.findall(r"```yaml\n# (\S+)\n(.*?)```", README, re.S)
     (tmp_path / own[0]).write_text(own[1])
-    run = synthetic_recording()
+    excitation = ExcitationConfig(duration=20.0, random_duration=10.0)
+    run = synthetic_recording(config=SyntheticRecordingConfig(excitation))
     save_csv(run, tmp_path / "run.csv")
     save_csv(run, tmp_path / "other_run.csv")
-    assert len(COMMANDS) == 12
+    # The parsing and the wiring as written, the runs shorter.
+    shorter = {
+        "simulate": "--set duration=0.3 --no-plots",
+        "collect": "--duration 20",
+        "benchmark": "--quick --solver realtime --solver converged",
+        "compare": "--runs 1 --scenario baseline_circle --set duration=0.3",
+    }
+    assert len(COMMANDS) == 23
     for command in COMMANDS:
         arguments = shlex.split(command)[1:]
-        if arguments[0] == "simulate":  # The parsing and the wiring as written, the run shorter.
-            arguments += ["--set", "duration=0.3", "--no-plots"]
-        if arguments[0] == "benchmark":
-            arguments += ["--quick", "--solver", "realtime", "--solver", "converged"]
-        main(arguments)
+        main([*arguments, *shorter.get(arguments[0], "").split()])
     assert (tmp_path / "my_circle" / "summary.json").is_file()
     assert (tmp_path / "mine.yaml").is_file()
+    assert (tmp_path / "fleet" / "weak_wheels.yaml").is_file()
 
 
 def test_links_lead_somewhere():

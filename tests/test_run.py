@@ -200,6 +200,7 @@ def test_log_has_the_contract_arrays_and_shapes():
         "time": (n,),
         "reference": (n, 3),
         "pose": (n, 3),
+        "true_pose": (n, 3),
         "nominal_pose": (n, 3),
         "nominal_next": (n, 3),
         "nominal_plan": (n, 10, 4),
@@ -228,6 +229,7 @@ def test_summary_has_the_contract_keys_and_counts_by_hand():
         "simulated_time_s",
         "wall_time_s",
         "rmse",
+        "true_rmse",
         "solve_time_ms",
         "feedback_time_ms",
         "solver",
@@ -243,6 +245,44 @@ def test_summary_has_the_contract_keys_and_counts_by_hand():
     assert summary["steps"] == 41 and summary["simulated_time_s"] == pytest.approx(4.0)
     x_error = run.log["pose"][:, 0] - run.log["reference"][:, 0]
     assert summary["rmse"]["x_m"] == pytest.approx(np.sqrt(np.mean(x_error**2)), rel=1e-12)
+    assert summary["true_rmse"] == summary["rmse"]  # The study measures the true pose.
+
+
+def test_rmse_is_of_odometry_and_true_rmse_of_where_the_robot_is():
+    run = short_run("robot=!MultibodyRobotConfig {floor_friction: 0.05}")
+    summary = summarise(run)
+    for key, pose in (("rmse", "pose"), ("true_rmse", "true_pose")):
+        error = pose_error(run.log[pose], run.log["reference"])
+        np.testing.assert_allclose(
+            list(summary[key].values()), np.sqrt(np.mean(error**2, axis=0)), rtol=1e-12
+        )
+    # The wheels spin where the robot does not follow.
+    assert summary["true_rmse"]["x_m"] > 1.5 * summary["rmse"]["x_m"]
+
+
+@pytest.mark.parametrize("robot", ["Dynamic", "Multibody"])
+def test_odometry_is_measured_at_the_instant_of_the_true_pose(robot):
+    """Wheels that hardly slip: they part by ticks and jitter, not by a step of the robot."""
+    perfect = "odometry={ticks_per_revolution: 1000000, jitter: 0}"
+    log = short_run(f"robot=!{robot}RobotConfig {{}}", perfect).log
+    moved = np.linalg.norm(np.diff(log["true_pose"][:, :2], axis=0), axis=1)
+    seen = np.linalg.norm(np.diff(log["pose"][:, :2], axis=0), axis=1)
+    assert moved.max() > 0.01
+    np.testing.assert_allclose(seen, moved, rtol=0, atol=1.2e-3)
+
+
+def test_a_robot_without_an_input_for_a_disturbance_logs_none():
+    log = short_run("robot=!MultibodyRobotConfig {}").log
+    np.testing.assert_array_equal(log["disturbance"], np.zeros((41, 3)))
+    assert np.any(short_run("robot=!DynamicRobotConfig {}").log["disturbance"] != 0)
+
+
+def test_the_dynamic_robots_accuracy_is_enough():
+    coarse, fine = (
+        short_run("robot=!DynamicRobotConfig {}", f"integration_accuracy={accuracy}").log
+        for accuracy in ("null", "1e-5")
+    )
+    np.testing.assert_allclose(coarse["true_pose"], fine["true_pose"], rtol=0, atol=1e-3)
 
 
 def test_violations_are_counted_where_they_are():

@@ -6,7 +6,11 @@ import pytest
 from mirte_drake.assembly import MakeDiagram
 from mirte_drake.control.reference_paths import CirclePath, RectanglePath, VelocityLegsPath
 from mirte_drake.errors import UserError
+from mirte_drake.model.robot_file import load_robot_file, save_robot_file
+from mirte_drake.robots.odometry_sensor import OdometrySensorConfig
+from mirte_drake.robots.sindyc_robot import SindycRobotConfig
 from mirte_drake.scenario import (
+    JITTER,
     Scenario,
     load_scenario,
     scenario_names,
@@ -76,6 +80,45 @@ def test_an_override_inside_a_part_keeps_its_kind():
     assert scenario.disturbance.bound.tolist() == [1, 1, 1]
 
 
+@pytest.mark.parametrize(
+    ("robot", "fields"),
+    [
+        ("!DynamicRobotConfig {robot: weak_wheels}", ["robot.payload=2", "robot.delay=0.05"]),
+        ("!MultibodyRobotConfig {motors: drifting}", ["robot.floor_friction=0.3"]),
+    ],
+)
+def test_another_robot_keeps_its_kind_and_its_other_values(robot, fields):
+    chosen = load_scenario("rectangle", [f"robot={robot}"]).robot
+    changed = load_scenario("rectangle", [f"robot={robot}", *fields]).robot
+    values = dict(field.removeprefix("robot.").split("=") for field in fields)
+    assert type(changed) is type(chosen) and repr(changed) != repr(chosen)
+    expected = dc.replace(chosen, **{key: float(value) for key, value in values.items()})
+    assert repr(changed) == repr(expected)
+
+
+def test_a_robot_without_a_kind_is_the_studies():
+    scenario = load_scenario("rectangle", ["robot.model=kinematic"])
+    assert repr(scenario.robot) == repr(SindycRobotConfig(model="kinematic"))
+
+
+def test_null_odometry_is_the_robots_own():
+    assert load_scenario("rectangle").measuring_odometry is None
+    for kind in ("Dynamic", "Multibody"):
+        scenario = load_scenario("rectangle", [f"robot=!{kind}RobotConfig {{}}"])
+        assert scenario.measuring_odometry == OdometrySensorConfig(jitter=JITTER)
+    given = load_scenario("rectangle", ["odometry.latency=0.05"])
+    assert given.measuring_odometry == OdometrySensorConfig(latency=0.05)
+
+
+def test_null_accuracy_is_the_robots_own():
+    kinds = {"Sindyc": 1e-6, "Dynamic": 1e-2, "Multibody": 1e-6}
+    for kind, accuracy in kinds.items():
+        robot = f"robot=!{kind}RobotConfig {{}}"
+        assert load_scenario("rectangle", [robot]).accuracy == accuracy
+        given = load_scenario("rectangle", [robot, "integration_accuracy=0.1"])
+        assert given.accuracy == 0.1
+
+
 def test_own_scenario_extends_a_known_one(tmp_path):
     path = tmp_path / "mine.scenario.yaml"
     path.write_text(
@@ -87,8 +130,16 @@ def test_own_scenario_extends_a_known_one(tmp_path):
     assert scenario_stem(str(path)) == "mine"
 
 
-def test_a_saved_scenario_loads_as_it_was(tmp_path):
-    scenario = load_scenario("baseline_robot_circle", ["seed=3"])
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        [],
+        ["robot=!DynamicRobotConfig {delay: 0.02}", "odometry={latency: 0.1}"],
+        ["robot=!MultibodyRobotConfig {patches: [{size: [1, 2]}], motor_parameters: {}}"],
+    ],
+)
+def test_a_saved_scenario_loads_as_it_was(overrides, tmp_path):
+    scenario = load_scenario("baseline_robot_circle", ["seed=3", *overrides])
     write_typed(scenario, tmp_path / "again.scenario.yaml")
     again = load_scenario(str(tmp_path / "again.scenario.yaml"))
     assert repr(again) == repr(scenario)
@@ -120,6 +171,12 @@ def test_duration_and_steps():
         ("duration=-1", ["duration", ">= 0.1"]),
         ("seed=-1", ["seed", ">= 0"]),
         ("robot.initial_pose=[1]", ["robot.initial_pose", "shape (3,)"]),
+        ("robot=!HoverRobotConfig {}", ["robot", "HoverRobotConfig"]),
+        ("robot=!DynamicRobotConfig {robot: magic}", ["robot.robot", "magic", "fitted"]),
+        ("robot=!DynamicRobotConfig {payload: -1}", ["robot.payload", ">= 0"]),
+        ("robot=!MultibodyRobotConfig {floor_friction: 0}", ["robot.floor_friction", "> 0"]),
+        ("odometry.jitter=1", ["odometry.jitter", "<= 0.1"]),
+        ("integration_accuracy=0", ["integration_accuracy", "> 0"]),
         ("reference=!Spiral {}", ["reference", "Spiral"]),
         ("reference=!VelocitySetpointConfig {}", ["duration", "must be given"]),
         ("reference.rest=9", ["reference.rest", "shorter"]),
@@ -205,6 +262,15 @@ def test_paths_in_a_file_are_meant_from_its_folder(tmp_path, monkeypatch):
     scenario = load_scenario("deep/mine.yaml")
     assert scenario.seed == 9
     assert scenario.disturbance.file == (folder / "noise.csv").resolve()
+
+
+def test_paths_of_robots_are_meant_from_the_files_folder(tmp_path, monkeypatch):
+    folder = tmp_path / "deep"
+    folder.mkdir()
+    save_robot_file(load_robot_file("clean"), folder / "own.yaml")
+    (folder / "mine.yaml").write_text("robot: !DynamicRobotConfig {robot: own.yaml}\n")
+    monkeypatch.chdir(tmp_path)
+    assert load_scenario("deep/mine.yaml").robot.robot == str((folder / "own.yaml").resolve())
 
 
 def test_models_that_do_not_fit_the_wheels_or_cannot_be_driven(tmp_path):

@@ -24,7 +24,7 @@ def time_designs(scenario: Scenario, samples: Sequence[Sample], repeats: int) ->
     Q, R = np.diag(weights.state_weight), np.diag(weights.input_weight)
     model, times = load_prediction_model(scenario), []
     with collection_off():
-        for sample in samples * repeats:
+        for sample in [*samples] * repeats:
             x, u = sample.plan.nominal_state, sample.plan.nominal_input
             start = time.perf_counter()
             design_dlqr(model, x, u, scenario.period, Q, R)

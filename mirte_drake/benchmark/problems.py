@@ -57,7 +57,7 @@ def drive(scenario: Scenario, solver: NmpcSolver | None = None) -> Iterator[Samp
     if solver is not None:
         nmpc.use_solver(solver)
     previous = idle_plan(nmpc.problem)
-    for context in samples(diagram, scenario):
+    for context, _ in samples(diagram, scenario):
         plan, pose = (diagram.GetOutputPort(port).Eval(context) for port in ("plan", "pose"))
         guess = warm_start(nmpc.problem, previous, plan.data.state)
         yield Sample(plan.data, guess, plan, pose)

@@ -10,7 +10,11 @@ import click
 
 from mirte_drake.cli import (  # noqa: F401 They add their commands.
     benchmark,
+    collection,
+    comparison,
     identification,
+    robot_export,
+    robot_fit,
     simulation,
 )
 from mirte_drake.cli.options import commands

@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 import mirte_drake
+from mirte_drake.robots.names import ROBOTS, robot_override
 
 output_option = click.option(
     "--output",
@@ -17,6 +18,19 @@ set_option = click.option(
     multiple=True,
     metavar="PATH.TO.FIELD=VALUE",
     help="Changes one value of the scenario; the value is YAML. May be given many times.",
+)
+
+
+def _as_override(_: click.Context, __: click.Parameter, robot: str | None) -> tuple[str, ...]:
+    return (robot_override(robot),) if robot else ()
+
+
+# Its value is a tuple of overrides, to come before those of `--set`.
+robot_option = click.option(
+    "--robot",
+    type=click.Choice(ROBOTS),
+    callback=_as_override,
+    help="Another robot than the scenario's: short for --set robot=!KindRobotConfig {}.",
 )
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from mirte_drake.cli.options import commands, output_option, set_option
+from mirte_drake.cli.options import commands, output_option, robot_option, set_option
 
 
 @commands.command()
@@ -19,12 +19,20 @@ def scenarios() -> None:
 
 @commands.command()
 @click.argument("name")
-@click.option("--seed", type=click.IntRange(min=0), help="Seed of the disturbance.")
+@click.option(
+    "--seed", type=click.IntRange(min=0), help="Of the disturbance and of the odometry's jitter."
+)
+@robot_option
 @set_option
 @click.option("--no-plots", is_flag=True, help="Leaves the figures out.")
 @output_option
 def simulate(
-    name: str, seed: int | None, overrides: tuple[str, ...], no_plots: bool, output: Path | None
+    name: str,
+    seed: int | None,
+    robot: tuple[str, ...],
+    overrides: tuple[str, ...],
+    no_plots: bool,
+    output: Path | None,
 ) -> None:
     """Runs the scenario NAME, or the one in a YAML file, and writes what came out.
 
@@ -38,7 +46,7 @@ def simulate(
 
     if seed is not None:
         overrides = (*overrides, f"seed={seed}")
-    scenario = load_scenario(name, overrides)
+    scenario = load_scenario(name, (*robot, *overrides))
     stem = scenario_stem(name)
     folder = output or Path("runs") / stem
     with replacing_results(folder, (*RUN_FILES, *FIGURE_FILES)) as results:
@@ -60,15 +68,22 @@ def simulate(
     show_default=True,
     help="1 draws the controller as one block, 2 looks into it.",
 )
+@robot_option
 @set_option
 @output_option
-def diagram(name: str, depth: int, overrides: tuple[str, ...], output: Path | None) -> None:
+def diagram(
+    name: str,
+    depth: int,
+    robot: tuple[str, ...],
+    overrides: tuple[str, ...],
+    output: Path | None,
+) -> None:
     """Draws the Diagram of the scenario NAME: NAME.svg, NAME.png and NAME.dot."""
     from mirte_drake.assembly import MakeDiagram
     from mirte_drake.scenario import load_scenario, scenario_stem
     from mirte_drake.visualization.diagram_picture import save_diagram_picture
 
-    scenario = load_scenario(name, overrides)
+    scenario = load_scenario(name, (*robot, *overrides))
     stem = (output or Path("diagrams")) / scenario_stem(name)
     for path in save_diagram_picture(MakeDiagram(scenario), stem, depth):
         click.echo(path)
@@ -76,13 +91,14 @@ def diagram(name: str, depth: int, overrides: tuple[str, ...], output: Path | No
 
 def _table(summary: dict, tube: bool) -> str:
     """Returns the summary for a person to read."""
-    rmse, solve, feedback = (summary[k] for k in ("rmse", "solve_time_ms", "feedback_time_ms"))
+    rmse, true = summary["rmse"], summary["true_rmse"]
+    solve, feedback = summary["solve_time_ms"], summary["feedback_time_ms"]
     rows = [
         ("scenario", f"{summary['scenario']}, seed {summary['seed']}"),
         ("samples", f"{summary['steps']} ({summary['simulated_time_s']:.1f} s)"),
-        ("RMSE x", f"{rmse['x_m']:.4f} m"),
-        ("RMSE y", f"{rmse['y_m']:.4f} m"),
-        ("RMSE yaw", f"{rmse['yaw_rad']:.4f} rad"),
+        ("RMSE x", f"{rmse['x_m']:.4f} m, true {true['x_m']:.4f} m"),
+        ("RMSE y", f"{rmse['y_m']:.4f} m, true {true['y_m']:.4f} m"),
+        ("RMSE yaw", f"{rmse['yaw_rad']:.4f} rad, true {true['yaw_rad']:.4f} rad"),
         ("solver", f"{summary['solver']}, {summary['solve_failures']} failures"),
         (
             "solve time",

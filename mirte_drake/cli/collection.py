@@ -1,0 +1,68 @@
+"""The command that drives a robot to record data for identification."""
+
+import sys
+from pathlib import Path
+
+import click
+
+from mirte_drake.cli.options import commands, robot_option, set_option
+from mirte_drake.errors import UserError
+
+
+@commands.command()
+@click.argument("name")
+@click.option(
+    "--duration",
+    type=float,
+    default=120.0,
+    show_default=True,
+    help="Of the excitation [s]: half random templates, half patterns.",
+)
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="Of excitation and jitter.",
+)
+@robot_option
+@set_option
+@click.option(
+    "--output",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Recording to write  [default: runs/NAME.csv]",
+)
+def collect(
+    name: str,
+    duration: float,
+    seed: int,
+    robot: tuple[str, ...],
+    overrides: tuple[str, ...],
+    output: Path | None,
+) -> None:
+    """Drives the robot of the scenario NAME by the excitation of algorithm 1 and records it.
+
+    Writes a CSV file in the format of the robot's recordings, which `identify` reads.
+    """
+    from mirte_drake.collect import collect_scenario, num_samples
+    from mirte_drake.control.excitation import ExcitationConfig
+    from mirte_drake.identification.csv_file import save_csv
+    from mirte_drake.identification.recorded_run import RecordedRun, repaired
+    from mirte_drake.scenario import load_scenario, scenario_stem
+
+    excitation = ExcitationConfig(duration=duration, random_duration=duration / 2)
+    try:
+        excitation.validate()
+    except ValueError as error:
+        raise UserError(f"--{error}") from None
+    scenario = load_scenario(name, (*robot, *overrides))
+    stem = scenario_stem(name)
+    output = output or Path("runs") / f"{stem}.csv"
+    rows = num_samples(excitation)
+    with click.progressbar(length=rows, label=stem, file=sys.stderr) as bar:
+        data = collect_scenario(scenario, excitation, seed=seed, on_sample=lambda: bar.update(1))
+    run = RecordedRun(data.time, data.pose, data.body_velocity, data.wheel_command)
+    run = repaired(run, lambda row: f"sample {row}", name)
+    save_csv(run, output)
+    click.echo(f"{rows} samples, {run.time[-1]:.1f} s")
+    click.echo(f"Written to {output}")

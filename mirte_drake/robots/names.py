@@ -1,0 +1,8 @@
+"""Short names of the robots that a scenario can have."""
+
+ROBOTS = ("sindyc", "dynamic", "multibody")
+
+
+def robot_override(name: str) -> str:
+    """Returns the override of a scenario that gives it the robot of a name, with its defaults."""
+    return f"robot=!{name.capitalize()}RobotConfig {{}}"
