@@ -120,6 +120,7 @@ def summarise(run: Run) -> dict[str, object]:
     correction = np.einsum("kij,kj->ki", log["gain"], deviation)
     stopping = log["status"][:, None] == SolveStatus.STOPPING
     asked = log["nominal_input"] - np.where(stopping, 0.0, correction)
+    statuses = [SolveStatus(status) for status in log["status"]]
     moves = np.abs(np.diff(log["nominal_input"], axis=0, prepend=0.0))
     return {
         "scenario": run.name,
@@ -132,9 +133,9 @@ def summarise(run: Run) -> dict[str, object]:
         "solve_time_ms": _percentiles(log["solve_time_s"]),
         "feedback_time_ms": _percentiles(log["solve_time_s"] - log["preparation_time_s"]),
         "solver": run.scenario.nominal_nmpc.solver,
-        "solve_failures": _count(np.isin(log["status"], [s for s in SolveStatus if s.failed])),
-        "rate_relaxations": _count(log["status"] == SolveStatus.RELAXED),
-        "early_solves": _count(log["status"] == SolveStatus.EARLY),
+        "solve_failures": sum(status.failed for status in statuses),
+        "rate_relaxations": sum(status.relaxed for status in statuses),
+        "early_solves": sum(status.early for status in statuses),
         "tube_violations": _count(np.abs(deviation) > log["half_width"] + ROUNDING),
         "successor_violations": _count(successor_error > log["half_width"][1:] + ROUNDING),
         "input_violations": _count(np.abs(asked) > limit + ROUNDING),

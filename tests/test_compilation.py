@@ -4,11 +4,32 @@ import os
 import subprocess
 import sys
 
+import numba
+import numpy as np
 import pytest
+
+from mirte_drake.compiled import compiled
 
 
 def kept(folder) -> dict[str, float]:
     return {str(path): path.stat().st_mtime for path in folder.rglob("*.nb*")}
+
+
+def test_compiles_where_nothing_can_be_kept(monkeypatch):
+    """As in a read-only container."""
+    njit, options_seen = numba.njit, []
+
+    def without_folder(**options):
+        options_seen.append(options)
+        if options.get("cache"):
+            raise RuntimeError("cannot cache function: no locator available")
+        return njit(**options)
+
+    monkeypatch.setattr(numba, "njit", without_folder)
+    half = compiled(lambda x: 1.0 / x)
+    assert half(2.0) == 0.5
+    assert np.isinf(half(0.0))
+    assert len(options_seen) == 2
 
 
 @pytest.mark.slow

@@ -9,7 +9,6 @@ from mirte_drake.angles import pose_error
 from mirte_drake.benchmark.measure import collection_off
 from mirte_drake.benchmark.problems import Sample, drive
 from mirte_drake.control.nmpc_solver import NmpcSolver
-from mirte_drake.control.plan import SolveStatus
 from mirte_drake.scenario import Scenario
 
 
@@ -59,5 +58,5 @@ def _evaluate(samples: list[Sample]) -> ClosedLoop:
         ),
         np.array([plan.solve_time for plan in plans]),
         np.array([plan.iterations for plan in plans]),
-        np.array([plan.status is SolveStatus.SOLVED for plan in plans]),
+        np.array([not plan.status.failed for plan in plans]),
     )

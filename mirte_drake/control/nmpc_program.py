@@ -24,6 +24,7 @@ from mirte_drake.control.tracking_problem import (
     rate_matrix,
     split,
 )
+from mirte_drake.model.term_table import dense
 
 BY_PROGRAM = ("snopt", "ipopt")
 
@@ -73,6 +74,7 @@ class NmpcProgram:
         at_rest, z = data_at_rest(problem), np.zeros(problem.size)
         gauss_newton_hessian(problem, pose(problem, at_rest).project(z))
         cost_and_gradient(problem, at_rest, z)
+        problem.model.roll_out(*split(problem, z), problem.period)
 
     def prepare(self, guess: np.ndarray) -> None:
         """These solvers have nothing to prepare."""
@@ -87,6 +89,7 @@ class NmpcProgram:
         start = time.perf_counter()
         self._interrupted = False
         self._evaluations, self._deadline = 0, start + self._time_limit
+        guess = dense(guess)
         z, posed, value, message = guess, None, np.nan, ""
         try:
             if not np.all(np.isfinite(guess)):

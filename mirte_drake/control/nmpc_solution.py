@@ -15,7 +15,8 @@ class NmpcSolution:
     states: np.ndarray  # (N + 1, n) xhat_k, xbar_{k+1}, ...
     inputs: np.ndarray  # (N, m) [pwm]
     cost: float
-    iterations: int  # Evaluations of cost and gradient.
+    # Quadratic programs, or of MathematicalProgram the evaluations of cost and gradient.
+    iterations: int
     solve_time: float  # [s] wall clock, preparation included.
     preparation_time: float = 0.0  # [s] of it, spent before the measurement arrived.
     relaxed: bool = False  # Bounds asked for a faster move than the rate limit allows.

@@ -26,11 +26,22 @@ class SolveStatus(enum.IntEnum):
     STOPPING = 2  # More than MAX_SHIFTS in a row failed: the wheels ramp to zero.
     RELAXED = 3  # From the solver; a move is faster than the rate limit, as the bounds ask.
     EARLY = 4  # From the solver, before it reached the optimum: its best iterate.
+    RELAXED_EARLY = 5  # Both.
 
     @property
     def failed(self) -> bool:
         """Whether the plan is not of the solver."""
         return self in (SolveStatus.SHIFTED, SolveStatus.STOPPING)
+
+    @property
+    def relaxed(self) -> bool:
+        """Whether a move is faster than the rate limit."""
+        return self in (SolveStatus.RELAXED, SolveStatus.RELAXED_EARLY)
+
+    @property
+    def early(self) -> bool:
+        """Whether the solver ended before the optimum."""
+        return self in (SolveStatus.EARLY, SolveStatus.RELAXED_EARLY)
 
 
 @dc.dataclass(frozen=True)
@@ -141,7 +152,7 @@ def next_plan(
 
 def _status(solution: NmpcSolution) -> SolveStatus:
     if solution.relaxed:
-        return SolveStatus.RELAXED
+        return SolveStatus.RELAXED_EARLY if solution.early else SolveStatus.RELAXED
     return SolveStatus.EARLY if solution.early else SolveStatus.SOLVED
 
 

@@ -4,6 +4,8 @@ import daqp
 import numpy as np
 
 PRIMAL_TOLERANCE = 1e-9  # Of a constraint, in its unit.
+# Of a pivot. DAQP's own is too large for weights that differ by many orders of magnitude.
+ZERO_TOLERANCE = 1e-15
 SOLVED = 1  # DAQP's exit flag.
 
 
@@ -18,7 +20,11 @@ class QuadraticProgram:
         self._hessian: np.ndarray | None = None
         self._daqp = daqp.Model()
         self._daqp.setup(np.eye(size), np.zeros(size), A, np.full(rows, 1e30), np.full(rows, -1e30))
-        self._daqp.settings = {"primal_tol": PRIMAL_TOLERANCE}
+        self._daqp.settings = {
+            "primal_tol": PRIMAL_TOLERANCE,
+            "zero_tol": ZERO_TOLERANCE,
+            "eps_prox": 0.0,  # Else a nearly singular Hessian is changed without a word.
+        }
 
     def forget(self) -> None:
         """Makes the next solve begin without the active set of the last one."""
@@ -33,7 +39,7 @@ class QuadraticProgram:
         if hessian is self._hessian:
             return
         self._hessian = None
-        if self._daqp.update(H=hessian) != 0:
+        if not np.isfinite(hessian[0, 0]) or self._daqp.update(H=hessian) != 0:
             raise ValueError("Hessian is not positive definite")
         self._hessian = hessian
 

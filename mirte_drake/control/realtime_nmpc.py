@@ -22,6 +22,7 @@ from mirte_drake.control.tracking_problem import (
     pose,
     rate_matrix,
 )
+from mirte_drake.model.term_table import dense
 from mirte_drake.vectors import POSE
 
 CONTRACTION = 0.03  # A Hessian is kept while each step promises less than this of the last one.
@@ -31,7 +32,8 @@ SLOW = 0.1  # Steps that promise more than this of the last one converge slowly.
 FAR = 0.2
 SADDLE = 1e-4  # A saddle is left by doubling steps: they may begin this much smaller.
 SMALLEST_STEP = 2.0**-10  # Of the line search.
-ROUNDING = 1e-12  # Of the cost, relative and absolute.
+ROUNDING = 1e-12  # Of a cost, relative.
+TINY = 1e-16  # Cost, in terms of the largest weight: 1e-8 m or rad.
 RATE_TOLERANCE = 1e-12  # [pwm] Rounding of a move.
 
 
@@ -81,7 +83,10 @@ class RealtimeNmpc:
         """
         self._problem, self._tolerance, self._time_limit = problem, tolerance, time_limit
         self._max_iterations = max_iterations
-        self._rate_matrix, self._weights = rate_matrix(problem), problem.weights
+        self._rate_matrix = rate_matrix(problem)
+        # Costs are taken relative to the largest weight, so that no tolerance depends on the unit.
+        self._scale = max(np.abs(weight).max() for weight in problem.weights)
+        self._weights = tuple(weight / self._scale for weight in problem.weights)
         self._num_states = problem.model.num_states
         self._stages = problem.horizon, problem.model.num_inputs
         self._no_jacobians = np.zeros((0, self._num_states, 0))
@@ -89,6 +94,7 @@ class RealtimeNmpc:
         self._reset()
         # Compiles here what is not compiled yet: no later solve has to wait for it.
         self.solve(data_at_rest(problem), np.zeros(problem.size))
+        self._failure("", np.zeros(problem.size), 0.0)
         self._reset()
 
     def prepare(self, guess: np.ndarray) -> None:
@@ -97,8 +103,12 @@ class RealtimeNmpc:
         Args:
             guess: (size,) finite.
         """
+        guess = dense(guess)
         if not self._is_prepared(guess):
-            self._linearise(guess)
+            try:
+                self._linearise(guess)
+            except ValueError:  # The solve will say so.
+                self._reset()
 
     def _linearise(self, guess: np.ndarray) -> None:
         start = time.perf_counter()
@@ -117,7 +127,7 @@ class RealtimeNmpc:
             data: The sample's problem data.
             guess: (size,) Decision vector to begin from; it need not be feasible.
         """
-        start = time.perf_counter()
+        start, guess = time.perf_counter(), dense(guess)
         ahead = self._prepared if self._is_prepared(guess) else None
         preparation = ahead.duration if ahead else 0.0
         try:
@@ -137,7 +147,7 @@ class RealtimeNmpc:
             message="; ".join(filter(None, (posed.note, gave_up))),
             states=iterate.states,
             inputs=self._split(iterate.z)[1],
-            cost=iterate.cost,
+            cost=iterate.cost * self._scale,
             iterations=iterations,
             solve_time=preparation + time.perf_counter() - start,
             preparation_time=preparation,
@@ -176,8 +186,10 @@ class RealtimeNmpc:
                 self._reset()
                 return iterate, iteration - 1, str(error)
             tolerance = self._tolerance * (SADDLE if second_order else 1.0)
-            converged = promise <= tolerance * iterate.cost + ROUNDING
+            last_cost = iterate.cost
             iterate = self._advance(posed, iterate, step)
+            converged = promise <= tolerance * last_cost + TINY
+            converged |= iterate.cost >= last_cost * (1.0 - ROUNDING)
             if converged and (second_order or not self._is_far(posed, iterate)):
                 return iterate, iteration, ""
             second_order |= converged
@@ -189,7 +201,7 @@ class RealtimeNmpc:
     def _advance(self, posed: PosedProblem, iterate: _Iterate, step: np.ndarray) -> _Iterate:
         """Returns the iterate a step further, or nearer where the whole step costs more."""
         end = self._evaluate(posed, iterate.z + step)
-        if end.cost <= iterate.cost * (1.0 + ROUNDING) + ROUNDING:
+        if end.cost <= iterate.cost * (1.0 + ROUNDING) + TINY:
             return end
         base, fraction = self._evaluate(posed, iterate.z), 1.0
         while end.cost > base.cost and fraction > SMALLEST_STEP:

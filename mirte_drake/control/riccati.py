@@ -1,13 +1,14 @@
 """The discrete algebraic Riccati equation by structure-preserving doubling, compiled."""
 
-import numba
 import numpy as np
+
+from mirte_drake.compiled import compiled
 
 MAX_DOUBLINGS = 60
 CONVERGED = 1e-14  # Relative change of P.
 
 
-@numba.njit(cache=True)
+@compiled
 def _product(X: np.ndarray, Y: np.ndarray) -> np.ndarray:
     """Returns X Y; for such small matrices faster than a library's."""
     Z = np.zeros((X.shape[0], Y.shape[1]))
@@ -18,7 +19,7 @@ def _product(X: np.ndarray, Y: np.ndarray) -> np.ndarray:
     return Z
 
 
-@numba.njit(cache=True)
+@compiled
 def _transposed_product(X: np.ndarray, Y: np.ndarray) -> np.ndarray:
     """Returns X' Y."""
     Z = np.zeros((X.shape[1], Y.shape[1]))
@@ -29,7 +30,7 @@ def _transposed_product(X: np.ndarray, Y: np.ndarray) -> np.ndarray:
     return Z
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled
 def _solve(X: np.ndarray, Y: np.ndarray) -> np.ndarray:
     """Returns X^-1 Y by elimination with pivoting; numba takes 10 s to compile numpy's."""
     X, Z, n = X.copy(), Y.copy(), len(X)
@@ -55,7 +56,7 @@ def _solve(X: np.ndarray, Y: np.ndarray) -> np.ndarray:
     return Z
 
 
-@numba.njit(cache=True)
+@compiled
 def _largest(X: np.ndarray) -> float:
     """Returns the largest magnitude, or NaN where there is one."""
     result = 0.0
@@ -66,7 +67,7 @@ def _largest(X: np.ndarray) -> float:
     return result
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled
 def is_positive_definite(matrix: np.ndarray) -> bool:
     """Tells whether the symmetric part of a matrix is, by its Cholesky factorisation."""
     L = np.zeros(matrix.shape)
@@ -84,7 +85,7 @@ def is_positive_definite(matrix: np.ndarray) -> bool:
     return True
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled
 def solve_dare(
     A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float, bool]:

@@ -4,11 +4,12 @@ Shapes as in ``tracking_problem``: states (N + 1, n), jacobians (N, n, n + m) of
 state and input, inputs (N, m), reference (N, 3) for x_1, ..., x_N.
 """
 
-import numba
 import numpy as np
 
+from mirte_drake.compiled import compiled
 
-@numba.njit(cache=True)
+
+@compiled
 def cost_and_gradient(
     states: np.ndarray,
     jacobians: np.ndarray,
@@ -60,7 +61,7 @@ def cost_and_gradient(
     return value, gradient
 
 
-@numba.njit(cache=True)
+@compiled
 def condense(
     jacobians: np.ndarray, Q: np.ndarray, R: np.ndarray, Rd: np.ndarray, P: np.ndarray
 ) -> np.ndarray:
@@ -121,7 +122,7 @@ def condense(
     return H
 
 
-@numba.njit(cache=True)
+@compiled
 def stage_references(window: np.ndarray, yaw: float, first: int, horizon: int) -> np.ndarray:
     """Returns rows ``first`` to ``first`` + N of a window of poses, its yaw unwrapped near yaw."""
     result, turn = window[first : first + horizon].copy(), 2.0 * np.pi
@@ -134,15 +135,15 @@ def stage_references(window: np.ndarray, yaw: float, first: int, horizon: int) -
     return result
 
 
-@numba.njit(cache=True)
+@compiled
 def input_limits(
     lower: np.ndarray, upper: np.ndarray, rate_limit: np.ndarray, previous_input: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Returns the inputs from which all later bounds can be met, and the rates that this takes.
 
-    Each wheel is a chain of intervals, so one backward sweep does: the inputs of a stage are those
-    within its bounds and within reach of the next stage's. Where there are none, the rate of that
-    move is raised to the distance between the two.
+    Each wheel is a chain of intervals. Forward: what can be reached from the last input; where that
+    misses the next bounds, the rate of that move is raised to the distance between the two, so
+    that a rate gives way as late and as little as possible. Backward: what leads on.
 
     Args:
         lower: (N, m) [pwm], nowhere above ``upper``.
@@ -155,19 +156,25 @@ def input_limits(
     """
     lowest, highest, rates = lower.copy(), upper.copy(), np.empty(lower.shape)
     N, m = lower.shape
-    for i in range(N - 1, -1, -1):
-        for p in range(m):
-            low = lower[i - 1, p] if i > 0 else previous_input[p]
-            high = upper[i - 1, p] if i > 0 else previous_input[p]
-            rate = max(rate_limit[p], lowest[i, p] - high, low - highest[i, p])
-            rates[i, p] = rate
-            if i > 0:
-                lowest[i - 1, p] = min(max(low, lowest[i, p] - rate), high)
-                highest[i - 1, p] = max(min(high, highest[i, p] + rate), low)
+    for p in range(m):
+        low = high = previous_input[p]
+        for i in range(N):
+            rates[i, p] = rate = max(rate_limit[p], lower[i, p] - high, low - upper[i, p])
+            low, high = (
+                min(max(lower[i, p], low - rate), upper[i, p]),
+                max(min(upper[i, p], high + rate), lower[i, p]),
+            )
+        for i in range(N - 1, 0, -1):
+            lowest[i - 1, p] = min(
+                max(lower[i - 1, p], lowest[i, p] - rates[i, p]), upper[i - 1, p]
+            )
+            highest[i - 1, p] = max(
+                min(upper[i - 1, p], highest[i, p] + rates[i, p]), lower[i - 1, p]
+            )
     return lowest, highest, rates
 
 
-@numba.njit(cache=True)
+@compiled
 def project(
     inputs: np.ndarray,
     previous_input: np.ndarray,
@@ -186,7 +193,7 @@ def project(
     return result
 
 
-@numba.njit(cache=True)
+@compiled
 def constraint_bounds(
     state: np.ndarray,
     half_width: np.ndarray,
@@ -207,7 +214,7 @@ def constraint_bounds(
     return least, most
 
 
-@numba.njit(cache=True)
+@compiled
 def all_finite(array: np.ndarray) -> bool:
     """Tells whether an array holds finite numbers only."""
     for value in array.flat:
@@ -216,7 +223,7 @@ def all_finite(array: np.ndarray) -> bool:
     return True
 
 
-@numba.njit(cache=True)
+@compiled
 def pose(
     state: np.ndarray,
     window: np.ndarray,
@@ -242,7 +249,7 @@ def pose(
     return sound, references, lowest, highest, rates, relaxed, least, most
 
 
-@numba.njit(cache=True)
+@compiled
 def project_all(
     z: np.ndarray,
     least: np.ndarray,
@@ -261,7 +268,7 @@ def project_all(
     return result
 
 
-@numba.njit(cache=True)
+@compiled
 def meets_rates(
     z: np.ndarray, least: np.ndarray, most: np.ndarray, m: int, tolerance: float
 ) -> bool:

@@ -11,9 +11,10 @@ with u_{-1} the last nominal input. Costs are summed without the factor 1/2 and 
 bears stage and terminal cost, as in the published programs.
 
 A solution always exists. rate_i is the rate limit but where bounds contradict it: the bounds keep
-the inputs within what the wheels can do, so the rate gives way, by as little as possible. That is
-the slack s >= 0 with |u_i - u_{i-1}| <= rate_limit + s and the penalty w |s|_1 as w grows without
-limit; since each wheel is a chain of intervals it has a closed form, known before the solve, and
+the inputs within what the wheels can do, so the rate gives way, by as little as possible and as
+late as possible. That is the slack s >= 0 with |u_i - u_{i-1}| <= rate_limit + s_i and the penalty
+w |s|_1 as w grows without limit, and of slacks that cost the same the one that spares the first
+moves. Since each wheel is a chain of intervals it has a closed form, known before the solve, and
 every solver meets the same constraints.
 """
 
@@ -47,10 +48,25 @@ class TrackingProblem:
     aligned: bool = False
 
     def __post_init__(self) -> None:
-        """Brings the arrays into the form that compiled code takes."""
+        """Brings the arrays into the form that compiled code takes.
+
+        Raises:
+            ValueError: when one has the wrong shape; compiled code does not look.
+        """
+        m = self.model.num_inputs
+        shapes = {"input_weight": (m, m), "rate_weight": (m, m), "rate_limit": (m,)}
         for field in dc.fields(self):
             if field.type is np.ndarray:
-                object.__setattr__(self, field.name, dense(getattr(self, field.name)))
+                array, shape = dense(getattr(self, field.name)), shapes.get(field.name, (3, 3))
+                if array.shape != shape:
+                    raise ValueError(f"{field.name}: must have shape {shape}, got {array.shape}")
+                object.__setattr__(self, field.name, array)
+
+    @property
+    def data_shapes(self) -> tuple[tuple[int, ...], ...]:
+        """Shapes of the fields of ``TrackingData``."""
+        n, m, N = self.model.num_states, self.model.num_inputs, self.horizon
+        return ((n,), (N + 1, 3), (n,), (N, m), (N, m), (m,))
 
     @property
     def size(self) -> int:
@@ -65,7 +81,7 @@ class TrackingProblem:
 
 @dc.dataclass(frozen=True)
 class TrackingData:
-    """What changes with each sample; arrays are not to be written to."""
+    """What changes with each sample, all finite; arrays are not to be written to."""
 
     state: np.ndarray  # (n,) measured state x_k.
     reference: np.ndarray  # (N + 1, 3) poses from sample k on.
@@ -145,9 +161,12 @@ def pose(problem: TrackingProblem, data: TrackingData) -> PosedProblem:
     turn, and smooth, which the solvers need.
 
     Raises:
-        ValueError: when a number is not finite, a half-width negative, or a lower bound above its
-            upper one.
+        ValueError: when a shape does not fit, a number is not finite, a half-width negative, or a
+            lower bound above its upper one.
     """
+    shapes = tuple(array.shape for array in vars(data).values())
+    if shapes != problem.data_shapes:
+        raise ValueError(f"problem data: shapes must be {problem.data_shapes}, got {shapes}")
     sound, *posed = tracking_kernels.pose(
         data.state,
         data.reference,

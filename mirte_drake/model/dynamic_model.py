@@ -29,9 +29,9 @@ import dataclasses as dc
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from mirte_drake.checks import check_number
+from mirte_drake.compiled import compiled
 from mirte_drake.geometry import INVERSE_KINEMATICS, WHEEL_POSITIONS, WHEEL_RADIUS
 from mirte_drake.model.drivetrain import DrivetrainParameters, drive_speed
 
@@ -145,7 +145,7 @@ def roll_out(
     return states
 
 
-@njit(cache=True)
+@compiled
 def _holding_force(drive, lower, upper, hold):  # noqa: ANN001, ANN202
     """Writes the friction (4,) within [-lower, upper] that best keeps the robot at rest.
 
@@ -168,7 +168,7 @@ def _holding_force(drive, lower, upper, hold):  # noqa: ANN001, ANN202
         hold[i] = min(max(drive[i] + n * _NULL[i], -lower[i]), upper[i])
 
 
-@njit(cache=True)
+@compiled
 def _derivative(c, state, target, rate, work):  # noqa: ANN001, ANN202
     """Writes the derivative (10,) at one state (10,) with the drive speeds' targets (4,).
 
@@ -202,7 +202,7 @@ def _derivative(c, state, target, rate, work):  # noqa: ANN001, ANN202
     rate[5] = torque / c.yaw_inertia
 
 
-@njit(cache=True)
+@compiled
 def _roll_out(c, steps, targets, states):  # noqa: ANN001, ANN202
     """Fills states (N + 1, 10) from its first row on."""
     n = states.shape[1]

@@ -7,9 +7,9 @@ a new identified model is as fast as the published ones. numba keeps what it com
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from mirte_drake.compiled import compiled
 from mirte_drake.model.candidate_library import COS, HEADING, SIN, Polynomial, differentiate
 from mirte_drake.vectors import YAW
 
@@ -68,13 +68,13 @@ def dense(array: np.ndarray) -> np.ndarray:
     return array if array.flags.writeable else array.copy()
 
 
-@numba.njit(cache=True)
+@compiled
 def _workspace(table: TermTable, n: int, m: int) -> tuple[np.ndarray, np.ndarray]:
     """Returns room for [1, x, u, sin, cos] and for the terms."""
     return np.ones(n + m + 3), np.empty(table.factors.shape[0])
 
 
-@numba.njit(cache=True)
+@compiled
 def _evaluate_terms(
     table: TermTable, x: np.ndarray, u: np.ndarray, work: tuple[np.ndarray, np.ndarray]
 ) -> np.ndarray:
@@ -94,7 +94,7 @@ def _evaluate_terms(
     return values
 
 
-@numba.njit(cache=True)
+@compiled
 def _derivative(table: TermTable, values: np.ndarray, f: np.ndarray) -> None:
     for r in range(len(f)):
         f[r] = 0.0
@@ -102,7 +102,7 @@ def _derivative(table: TermTable, values: np.ndarray, f: np.ndarray) -> None:
         f[table.entries[k]] += table.coefficients[k] * values[table.terms[k]]
 
 
-@numba.njit(cache=True)
+@compiled
 def _jacobian(table: TermTable, values: np.ndarray, jacobian: np.ndarray) -> None:
     for r in range(len(jacobian)):
         jacobian[r] = 0.0
@@ -110,7 +110,7 @@ def _jacobian(table: TermTable, values: np.ndarray, jacobian: np.ndarray) -> Non
         jacobian[table.entries[k]] += table.coefficients[k] * values[table.terms[k]]
 
 
-@numba.njit(cache=True)
+@compiled
 def derivative(table: TermTable, x: np.ndarray, u: np.ndarray) -> np.ndarray:
     """Returns f (B, n)."""
     f, work = np.empty(x.shape), _workspace(table, x.shape[1], u.shape[1])
@@ -119,7 +119,7 @@ def derivative(table: TermTable, x: np.ndarray, u: np.ndarray) -> np.ndarray:
     return f
 
 
-@numba.njit(cache=True)
+@compiled
 def linearise(table: TermTable, x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Returns f (B, n) and its Jacobian [df/dx, df/du] (B, n (n + m)), by rows."""
     B, n = x.shape
@@ -132,7 +132,7 @@ def linearise(table: TermTable, x: np.ndarray, u: np.ndarray) -> tuple[np.ndarra
     return f, jacobian
 
 
-@numba.njit(cache=True)
+@compiled
 def _step(
     table: TermTable,
     x: np.ndarray,
@@ -151,7 +151,7 @@ def _step(
             stage[r] = x[r] + (dt if i == 2 else 0.5 * dt) * f[r]
 
 
-@numba.njit(cache=True)
+@compiled
 def step(table: TermTable, x: np.ndarray, u: np.ndarray, dt: np.ndarray) -> np.ndarray:
     """Returns the states (B, n) after dt (B,) [s], by RK4 with u held."""
     end, work = np.empty(x.shape), _workspace(table, x.shape[1], u.shape[1])
@@ -160,7 +160,7 @@ def step(table: TermTable, x: np.ndarray, u: np.ndarray, dt: np.ndarray) -> np.n
     return end
 
 
-@numba.njit(cache=True)
+@compiled
 def roll_out(table: TermTable, x: np.ndarray, inputs: np.ndarray, dt: float) -> np.ndarray:
     """Returns the states (N + 1, n) under inputs (N, m), each held for dt [s], from x (n,)."""
     states = np.empty((len(inputs) + 1, len(x)))
@@ -171,7 +171,7 @@ def roll_out(table: TermTable, x: np.ndarray, inputs: np.ndarray, dt: float) -> 
     return states
 
 
-@numba.njit(cache=True)
+@compiled
 def _vary(jacobian: np.ndarray, G: np.ndarray, slope: np.ndarray) -> None:
     """Sets slope to df/dx G + [0, df/du]."""
     n, width = G.shape
@@ -185,7 +185,7 @@ def _vary(jacobian: np.ndarray, G: np.ndarray, slope: np.ndarray) -> None:
                     slope[r, c] += by_state * G[q, c]
 
 
-@numba.njit(cache=True)
+@compiled
 def _step_jacobian(
     table: TermTable,
     x: np.ndarray,
@@ -221,7 +221,7 @@ def _step_jacobian(
                 G[r, c] = ahead * slope[r, c] + (1.0 if r == c else 0.0)
 
 
-@numba.njit(cache=True)
+@compiled
 def step_jacobians(table: TermTable, x: np.ndarray, u: np.ndarray, dt: float) -> np.ndarray:
     """Returns the exact Jacobian (B, n, n + m) of ``step`` by x and u."""
     B, n = x.shape
@@ -232,7 +232,7 @@ def step_jacobians(table: TermTable, x: np.ndarray, u: np.ndarray, dt: float) ->
     return jacobians
 
 
-@numba.njit(cache=True)
+@compiled
 def roll_out_jacobians(
     table: TermTable, x: np.ndarray, inputs: np.ndarray, dt: float
 ) -> tuple[np.ndarray, np.ndarray]:

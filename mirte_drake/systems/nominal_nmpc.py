@@ -27,6 +27,10 @@ STUDY_TERMINAL_WEIGHT = (
     (-90.1364787673133, -30.9808550672083, 1411.99502643508),
 )
 
+# Four wheels have three velocities: what they do beyond is decided by the weight on inputs alone,
+# and below this the Hessian is singular but for rounding.
+SMALLEST_INPUT_WEIGHT = 1e-9
+
 
 @dc.dataclass
 class NominalNmpcConfig:
@@ -69,6 +73,12 @@ class NominalNmpcConfig:
         check_number("horizon", self.horizon, minimum=1)
         check_array("state_weight", self.state_weight, (3,), minimum=1e-9)
         check_array("input_weight", self.input_weight, (4,), minimum=1e-12)
+        least = SMALLEST_INPUT_WEIGHT * np.max(self.state_weight)
+        if np.min(self.input_weight) < least:
+            raise ValueError(
+                f"input_weight: must be at least {least:g}, {SMALLEST_INPUT_WEIGHT:g} of the "
+                f"largest state_weight, got {np.min(self.input_weight):g}"
+            )
         check_array("rate_weight", self.rate_weight, (4,), minimum=0)
         check_number("rate_limit", self.rate_limit, above=0)
         check_choice("rate_unit", self.rate_unit, ("pwm_per_sample", "pwm_per_s"))
@@ -77,6 +87,8 @@ class NominalNmpcConfig:
         check_choice("solver", self.solver, SOLVERS)
         if self.tolerance is not None:
             check_number("tolerance", self.tolerance, above=0)
+            if self.solver == "realtime":
+                raise ValueError("tolerance: one iteration has none; leave it null")
         check_number("time_limit", self.time_limit, above=0)
         if self.terminal_weight is not None:
             P = self.terminal_weight

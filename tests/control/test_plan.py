@@ -55,13 +55,15 @@ def test_solved_plan_is_the_solution(problem, make_data, solved):
     [
         ({"relaxed": True}, SolveStatus.RELAXED),
         ({"early": True}, SolveStatus.EARLY),
-        ({"relaxed": True, "early": True}, SolveStatus.RELAXED),
+        ({"relaxed": True, "early": True}, SolveStatus.RELAXED_EARLY),
     ],
 )
 def test_status_tells_what_a_solve_gave_up(problem, make_data, changes, status):
     plan = next_plan(problem, idle_plan(problem), make_data(), solution(**changes), REST)
     assert (plan.status, plan.failures) == (status, 0)
     assert not plan.status.failed
+    assert plan.status.relaxed == changes.get("relaxed", False)
+    assert plan.status.early == changes.get("early", False)
 
 
 def test_failed_states_are_those_without_a_solution():

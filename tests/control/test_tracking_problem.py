@@ -235,6 +235,13 @@ def test_first_rate_gives_way_by_just_what_the_bounds_ask_for(problem, sign):
     np.testing.assert_array_equal(limits.rate[:, [0, 2, 3]], 30.0)
 
 
+def test_rates_give_way_late(problem):
+    """Both (40, 40) and (30, 50) would do: the first move is the one that is applied."""
+    limits = one_wheel(problem, [0.0, 50.0], [10.0, 60.0], previous=-30.0)
+    np.testing.assert_array_equal(limits.rate[:, 1], [30, 50])
+    np.testing.assert_array_equal(limits.highest[:, 1], [10, 60])
+
+
 def test_a_later_rate_gives_way_where_two_stages_contradict_each_other(problem):
     limits = one_wheel(problem, [0.0, 70], [10.0, 90])
     np.testing.assert_array_equal(limits.rate[:, 1], [30, 60])
@@ -265,7 +272,7 @@ def test_projection_meets_bounds_and_rates_and_moves_nothing_that_does(
     st.lists(st.tuples(st.floats(-90, 90), st.floats(0, 80)), min_size=1, max_size=5),
     st.floats(-90, 90),
 )
-def test_relaxed_rates_are_the_limit_of_an_exact_penalty(problem, intervals, previous):
+def test_relaxed_rates_take_the_least_slack_there_is(problem, intervals, previous):
     """The least |s|_1 with which a chain of inputs exists, by linear programming."""
     lower = np.array([low for low, _ in intervals])
     upper = lower + np.array([width for _, width in intervals])
@@ -288,6 +295,18 @@ def test_shift_drops_the_first_input_and_repeats_the_last(problem):
     shifted = shift(problem, np.array([1.0, 2.0, 3.0]), inputs)
     expected = [1.0, 2.0, 3.0, *range(4, 40), 36.0, 37.0, 38.0, 39.0]
     np.testing.assert_array_equal(shifted, expected)
+
+
+@pytest.mark.parametrize("name", ["input_weight", "rate_limit", "terminal_weight"])
+def test_problem_of_wrong_shape(problem, name):
+    with pytest.raises(ValueError, match=f"{name}: must have shape"):
+        dc.replace(problem, **{name: np.eye(2)})
+
+
+@pytest.mark.parametrize("name", ["reference", "half_width", "previous_input", "input_lower"])
+def test_data_of_wrong_shape(problem, make_data, name):
+    with pytest.raises(ValueError, match="problem data: shapes must be"):
+        pose(problem, make_data(**{name: np.zeros(1)}))
 
 
 @pytest.mark.parametrize(

@@ -400,6 +400,7 @@ def test_solvers_agree():
         ("state_weight", np.ones(4)),
         ("input_weight", np.array([1.0, 1.0, np.nan, 1.0])),
         ("input_weight", np.zeros(4)),
+        ("input_weight", np.full(4, 1e-7)),
         ("rate_weight", -np.ones(4)),
         ("rate_limit", 0.0),
         ("rate_limit", np.inf),
