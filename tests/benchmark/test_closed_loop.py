@@ -50,7 +50,7 @@ def test_closed_loops_with_two_solvers_agree(scenario):
     assert len(ticks) == scenario.steps
 
 
-@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize("compiled", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_first_call_has_its_stages(scenario, compiled):
     sample = next(iter(drive(scenario)))
     problem = tracking_problem(scenario)
