@@ -112,9 +112,10 @@ def test_every_command_runs(tmp_path, monkeypatch, capsys):
     shorter = {
         "simulate": "--set duration=0.3 --no-plots",
         "collect": "--duration 20",
+        "benchmark": "--quick --solver realtime --solver converged",
         "compare": "--runs 1 --scenario baseline_circle --set duration=0.3",
     }
-    assert len(COMMANDS) == 22
+    assert len(COMMANDS) == 23
     for command in COMMANDS:
         arguments = shlex.split(command)[1:]
         main([*arguments, *shorter.get(arguments[0], "").split()])

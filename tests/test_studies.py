@@ -5,13 +5,12 @@ import functools
 import numpy as np
 import pytest
 
+from mirte_drake.benchmark.casadi_peer import CasadiNmpc
+from mirte_drake.benchmark.problems import drive, tracking_problem
 from mirte_drake.control.nmpc_solver import make_nmpc_solver
-from mirte_drake.control.reference_paths import window
-from mirte_drake.control.tracking_problem import TrackingData, join
-from mirte_drake.model.model_file import load_model
+from mirte_drake.control.tracking_problem import cost_and_gradient, join
 from mirte_drake.run import Run, simulate, summarise
 from mirte_drake.scenario import load_scenario
-from mirte_drake.systems.nominal_nmpc import make_tracking_problem
 
 # RMSE of an independent implementation, with independent identically distributed disturbances
 # at one seed: x [m], y [m], yaw [rad].
@@ -77,36 +76,56 @@ def test_worst_disturbances_keep_the_state_in_the_tube(name, disturbance):
     assert np.all((successor - run.log["half_width"][1:]).max(axis=0) < [2e-3, 2e-3, 5e-3])
 
 
-def logged_problems(name: str, count: int):
-    """Yields problems of a run, rebuilt from its log."""
-    log = study(name).log
-    scenario = load_scenario(name)
-    problem = make_tracking_problem(
-        scenario.nominal_nmpc, load_model(scenario.prediction_model), scenario.period
-    )
-    poses = scenario.reference.poses(scenario.period)
-    horizon = problem.horizon
-    for k in np.linspace(1, len(log["time"]) - 1, count).astype(int):
-        data = TrackingData(
-            state=log["pose"][k],
-            reference=window(poses, k, horizon + 1),
-            half_width=log["half_width"][k],
-            input_lower=np.tile(log["input_lower"][k], (horizon, 1)),
-            input_upper=np.tile(log["input_upper"][k], (horizon, 1)),
-            previous_input=log["nominal_input"][k - 1],
-        )
-        yield problem, data, join(log["pose"][k], np.zeros((horizon, 4)))
+@studies
+@seeds
+def test_solvers_drive_alike(name, seed):
+    """Closed loop to four decimals, whatever the solver."""
+    errors = {
+        solver: rmse(study(name, f"seed={seed}", f"nominal_nmpc.solver={solver}"))
+        for solver in ("realtime", "snopt")
+    }
+    errors["converged"] = rmse(study(name, f"seed={seed}"))
+    np.testing.assert_allclose(errors["converged"], errors["snopt"], rtol=0, atol=5e-5)
+    np.testing.assert_allclose(errors["realtime"], errors["snopt"], rtol=0, atol=5e-5)
+
+
+def gaps(name: str, seed: int, solver: str, every: int) -> np.ndarray:
+    """Costs of a solver on the states that a study visits, relative to IPOPT's, minus one."""
+    scenario = load_scenario(name, [f"seed={seed}"])
+    problem = tracking_problem(scenario)
+    ipopt = CasadiNmpc(problem, "casadi_ipopt", tolerance=1e-12)
+    dut = make_nmpc_solver(problem, solver)
+    result = []
+    for sample in list(drive(scenario))[1::every]:
+        optimum = ipopt.solve(sample.data, sample.guess)
+        assert optimum.success, optimum.message
+        x0, inputs = optimum.states[0], optimum.inputs
+        cost, _ = cost_and_gradient(problem, sample.data, join(x0, inputs))
+        result.append(dut.solve(sample.data, sample.guess).cost / cost - 1.0)
+    return np.array(result)
+
+
+@pytest.mark.parametrize(
+    ("seed", "every"), [(0, 10), *(pytest.param(s, 1, marks=pytest.mark.slow) for s in range(5))]
+)
+@studies
+def test_converged_solutions_are_the_optimum_and_one_iteration_is_near_it(name, seed, every):
+    pytest.importorskip("casadi", reason="CasADi is optional: mirte-drake[benchmark]")
+    assert np.max(np.abs(gaps(name, seed, "converged", every))) < 1e-8
+    assert np.mean(gaps(name, seed, "realtime", every)) < 1e-4
 
 
 def test_snopt_and_ipopt_agree_on_logged_problems():
     checked = 0
     for name, count in (("rectangle", 34), ("circle", 33), ("turning_circle", 33)):
-        programs = {}
-        for problem, data, guess in logged_problems(name, count):
-            for solver in ("snopt", "ipopt"):
-                if solver not in programs:
-                    programs[solver] = make_nmpc_solver(problem, solver)
-            snopt, ipopt = (programs[s].solve(data, guess) for s in ("snopt", "ipopt"))
+        scenario = load_scenario(name)
+        problem = tracking_problem(scenario)
+        programs = [make_nmpc_solver(problem, solver) for solver in ("snopt", "ipopt")]
+        samples = list(drive(scenario))
+        for k in np.linspace(1, len(samples) - 1, count).astype(int):
+            data = samples[k].data
+            guess = join(data.state, np.zeros((10, 4)))
+            snopt, ipopt = (program.solve(data, guess) for program in programs)
             assert snopt.success, snopt.message
             assert ipopt.success, ipopt.message
             assert snopt.cost == pytest.approx(ipopt.cost, rel=1e-5)

@@ -1,40 +1,48 @@
-"""Times solvers on the same problems, interleaved, and says how good their solutions are."""
+"""Times solvers on the same problems, in turns, and says how good their solutions are."""
 
 import dataclasses as dc
 import gc
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from mirte_drake.benchmark.evaluation import rate_violation, true_cost
-from mirte_drake.benchmark.problems import Pair, Sample
+from mirte_drake.benchmark.evaluation import evaluate, lowest_cost
+from mirte_drake.benchmark.problems import Block, Sample
 from mirte_drake.control.nmpc_solution import NmpcSolution
 from mirte_drake.control.nmpc_solver import NmpcSolver
-from mirte_drake.control.tracking_problem import TrackingData, TrackingProblem
+from mirte_drake.control.tracking_problem import TrackingProblem
 
 PERCENTILES = {"p50": 50.0, "p99": 99.0, "p99_9": 99.9, "max": 100.0}
 
-# A solution may exceed its rate constraints by this much and still serve as the optimum [pwm].
-FEASIBLE = 1e-9
+PAUSE = 5e-3  # [s] Enough to lose the caches. After longer pauses solves take longer still.
 
 
 @dc.dataclass(frozen=True)
 class Measurement:
     """What one solver did; one entry for each solve."""
 
-    solve_time: np.ndarray  # [s] wall clock.
+    solve_time: np.ndarray  # [s] wall clock, one solve straight after the other.
     processor_time: np.ndarray  # [s] of all threads of the process.
     iterations: np.ndarray
     gap: np.ndarray  # (cost - optimum) / optimum; NaN where the solve failed.
     rate_violation: np.ndarray  # [pwm] beyond the rate constraints; the bounds are met exactly.
     success: np.ndarray  # bool
+    after_pause: np.ndarray  # [s] each after a pause of ``PAUSE``.
+    # The same with ``prepare`` called before the pause; empty where that does nothing.
+    preparation: np.ndarray  # [s] before the pause.
+    feedback: np.ndarray  # [s] after it.
+
+
+class _Turn(NamedTuple):
+    solver: str
+    prepare: bool  # Whether ``prepare`` is called ahead of each solve.
 
 
 class _Solve(NamedTuple):
-    problem: int  # Its index.
     wall_time: float  # [s]
     processor_time: float  # [s]
     solution: NmpcSolution
@@ -43,57 +51,67 @@ class _Solve(NamedTuple):
 def measure(
     problem: TrackingProblem,
     solvers: Mapping[str, NmpcSolver],
-    pairs: Sequence[Pair],
+    blocks: Sequence[Block],
     *,
     repeats: int = 1,
+    pause_repeats: int = 0,
     reference: NmpcSolver | None = None,
     time_budget: float = np.inf,
-    on_problem: Callable[[], object] = lambda: None,
+    on_problems: Callable[[int], object] = lambda count: None,
 ) -> dict[str, Measurement]:
-    """Times every solver on every problem.
+    """Times every solver on every problem, back to back and after pauses.
 
-    The solvers take turns on each problem, in an order that rotates, so that whatever else the
-    machine does meets all alike. Each timed solve follows an untimed one of the sample before, as
-    in a controller. The first problem is solved once untimed to warm up. Python's garbage
-    collection is off while timing.
+    The solvers take turns on each block, in an order that rotates, so that whatever else the
+    machine does meets all alike. Within its turn a solver goes through the block in the order of
+    the run, as a controller would. Python's garbage collection is off while timing.
 
     Args:
         problem: The problem that the solvers were made for.
         solvers: By name.
-        pairs: Samples to solve, each with the one before.
-        repeats: Rounds over all problems.
+        blocks: Samples to solve.
+        repeats: Rounds over all blocks.
+        pause_repeats: Rounds with a pause before every solve, in which solvers that can prepare
+            have a second turn with that done before the pause.
         reference: Finds the optimum. The optimum is the lowest cost that any solver, this one or
             a measured one, reached within the constraints.
-        time_budget: [s] A solver that has used it sits out further rounds; it takes part in the
-            first one in any case.
-        on_problem: Called after all solvers had their turn at a problem, for a progress bar.
+        time_budget: [s] A solver that has used it sits out further rounds of a kind; it takes
+            part in the first one in any case.
+        on_problems: Called with the number of problems that all solvers just had their turn at,
+            for a progress bar.
     """
-    names = list(solvers)
-    optimum = np.full(len(pairs), np.inf)
-    if reference is not None:
-        for index, pair in enumerate(pairs):
-            solution = _solve_in_order(reference, pair, index).solution
-            optimum[index] = _optimum(problem, pair[1].data, solution)
-    records: dict[str, list[_Solve]] = {name: [] for name in names}
-    spent = dict.fromkeys(names, 0.0)
-    for name in names:
-        _solve_in_order(solvers[name], pairs[0], 0)
-    turn = 0
+    samples = [sample for block in blocks for sample in block.timed]
+    turns = [_Turn(name, prepare=False) for name in solvers]
+    prepared_turns = [
+        _Turn(name, prepare=True)
+        for name, solver in solvers.items()
+        if _prepares(solver, samples[0])
+    ]
+    take_turns = partial(_take_turns, solvers, blocks, time_budget, on_problems)
     with collection_off():
-        for _ in range(repeats):
-            taking_part = [name for name in names if spent[name] < time_budget]
-            for index, pair in enumerate(pairs):
-                for name in _rotated(taking_part, turn):
-                    solve = _solve_in_order(solvers[name], pair, index)
-                    records[name].append(solve)
-                    spent[name] += solve.wall_time
-                turn += 1
-                on_problem()
-    for rows in records.values():
-        for solve in rows:
-            cost = _optimum(problem, pairs[solve.problem][1].data, solve.solution)
-            optimum[solve.problem] = min(optimum[solve.problem], cost)
-    return {name: _evaluate(problem, pairs, optimum, rows) for name, rows in records.items()}
+        steady = take_turns(turns, repeats)
+        paused = take_turns(turns + prepared_turns, pause_repeats, pause=PAUSE)
+    rated = {turn: _evaluate(problem, samples, solves) for turn, solves in steady.items()}
+    candidates = [*rated.values()]
+    if reference is not None:
+        solves = [solve for block in blocks for solve in _solve_block(reference, block)]
+        candidates.append(_evaluate(problem, samples, solves))
+    optimum = np.min([lowest_cost(cost, violation) for cost, violation in candidates], axis=0)
+    measured = {}
+    for turn, solves in steady.items():
+        cost, violation = rated[turn]
+        prepared = paused.get(turn._replace(prepare=True), [])
+        measured[turn.solver] = Measurement(
+            solve_time=_wall_times(solves),
+            processor_time=np.array([solve.processor_time for solve in solves]),
+            iterations=np.array([solve.solution.iterations for solve in solves]),
+            gap=((cost - optimum) / optimum).ravel(),
+            rate_violation=violation.ravel(),
+            success=np.array([solve.solution.success for solve in solves], dtype=bool),
+            after_pause=_wall_times(paused[turn]),
+            preparation=np.array([solve.solution.preparation_time for solve in prepared]),
+            feedback=_wall_times(prepared),
+        )
+    return measured
 
 
 @contextmanager
@@ -119,45 +137,58 @@ def percentiles(values: np.ndarray) -> dict[str, float]:
     }
 
 
-def _rotated(names: Sequence[str], turn: int) -> list[str]:
-    first = turn % len(names) if names else 0
-    return [*names[first:], *names[:first]]
+def _prepares(solver: NmpcSolver, sample: Sample) -> bool:
+    """Whether ``prepare`` takes anything off the solve."""
+    solver.prepare(sample.guess)
+    return solver.solve(sample.data, sample.guess).preparation_time > 0
 
 
-def _solve_in_order(solver: NmpcSolver, pair: tuple[Sample, Sample], index: int) -> _Solve:
-    """Solves the sample before and then, timed, the sample."""
-    before, sample = pair
-    solver.solve(before.data, before.guess)
-    processor, wall = time.process_time(), time.perf_counter()
-    solution = solver.solve(sample.data, sample.guess)
-    wall, processor = time.perf_counter() - wall, time.process_time() - processor
-    return _Solve(index, wall, processor, solution)
+def _take_turns(
+    solvers: Mapping[str, NmpcSolver],
+    blocks: Sequence[Block],
+    time_budget: float,
+    on_problems: Callable[[int], object],
+    turns: Sequence[_Turn],
+    repeats: int,
+    pause: float = 0.0,
+) -> dict[_Turn, list[_Solve]]:
+    """Returns the solves of each turn: round by round, in each all samples in their order."""
+    solves: dict[_Turn, list[_Solve]] = {turn: [] for turn in turns}
+    first = 0
+    for _ in range(repeats):
+        order = [turn for turn in turns if np.sum(_wall_times(solves[turn])) < time_budget]
+        for block in blocks:
+            for turn in [*order[first:], *order[:first]]:
+                solves[turn] += _solve_block(solvers[turn.solver], block, pause, turn.prepare)
+            first = (first + 1) % max(1, len(order))
+            on_problems(len(block.timed))
+    return solves
 
 
-def _optimum(problem: TrackingProblem, data: TrackingData, solution: NmpcSolution) -> float:
-    """Returns the cost of a solution, infinite where it does not meet the constraints."""
-    if not solution.success or rate_violation(problem, data, solution) > FEASIBLE:
-        return np.inf
-    return true_cost(problem, data, solution)
+def _solve_block(
+    solver: NmpcSolver, block: Block, pause: float = 0.0, prepare: bool = False
+) -> list[_Solve]:
+    for sample in block.lead:
+        solver.solve(sample.data, sample.guess)
+    solves = []
+    for sample in block.timed:
+        if prepare:
+            solver.prepare(sample.guess)
+        if pause:
+            time.sleep(pause)
+        processor, wall = time.process_time(), time.perf_counter()
+        solution = solver.solve(sample.data, sample.guess)
+        wall, processor = time.perf_counter() - wall, time.process_time() - processor
+        solves.append(_Solve(wall, processor, solution))
+    return solves
 
 
 def _evaluate(
-    problem: TrackingProblem,
-    pairs: Sequence[Pair],
-    optimum: np.ndarray,
-    rows: Sequence[_Solve],
-) -> Measurement:
-    gap, violation = np.full(len(rows), np.nan), np.full(len(rows), np.nan)
-    for row, solve in enumerate(rows):
-        if solve.solution.success:
-            data, best = pairs[solve.problem][1].data, optimum[solve.problem]
-            gap[row] = (true_cost(problem, data, solve.solution) - best) / best
-            violation[row] = rate_violation(problem, data, solve.solution)
-    return Measurement(
-        np.array([solve.wall_time for solve in rows]),
-        np.array([solve.processor_time for solve in rows]),
-        np.array([solve.solution.iterations for solve in rows]),
-        gap,
-        violation,
-        np.array([solve.solution.success for solve in rows], dtype=bool),
-    )
+    problem: TrackingProblem, samples: Sequence[Sample], solves: Sequence[_Solve]
+) -> tuple[np.ndarray, np.ndarray]:
+    data = [sample.data for sample in samples]
+    return evaluate(problem, data, [solve.solution for solve in solves])
+
+
+def _wall_times(solves: Sequence[_Solve]) -> np.ndarray:
+    return np.array([solve.wall_time for solve in solves])

@@ -1,7 +1,9 @@
 """The problems that a controller meets: those of a simulated run, and of an ideal one."""
 
 import dataclasses as dc
+import math
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +17,9 @@ from mirte_drake.scenario import Scenario, load_prediction_model
 from mirte_drake.systems.nominal_nmpc import NominalNmpc, make_tracking_problem
 from mirte_drake.vectors import POSE
 
+BLOCK = 25  # Samples that a solver is timed on in one turn, at most.
+LEAD = 5  # Samples before them: by then solve times have settled.
+
 
 @dc.dataclass(frozen=True)
 class Sample:
@@ -26,8 +31,11 @@ class Sample:
     pose: np.ndarray  # (3,) [m, m, rad] measured.
 
 
-# A sample with the one before it. Solvers that keep their multipliers begin from that one's.
-Pair = tuple[Sample, Sample]
+class Block(NamedTuple):
+    """Consecutive samples of a run, to be solved in order."""
+
+    lead: Sequence[Sample]  # Solved untimed: they fill caches, and multipliers that solvers keep.
+    timed: Sequence[Sample]
 
 
 def tracking_problem(scenario: Scenario) -> TrackingProblem:
@@ -102,8 +110,19 @@ def drive_ideally(
         previous = plan
 
 
-def choose_pairs(samples: Sequence[Sample], count: int) -> list[Pair]:
-    """Returns up to ``count`` samples spread evenly over a run, each with the one before."""
-    last = len(samples) - 1
-    chosen = np.unique(np.linspace(1, last, min(count, last)).astype(int))
-    return [(samples[k - 1], samples[k]) for k in chosen]
+def choose_blocks(samples: Sequence[Sample], count: int) -> list[Block]:
+    """Returns up to ``count`` samples of a run in blocks spread evenly over it.
+
+    Args:
+        samples: The run; at least one. Those at its beginning are no more than a lead.
+        count: Of samples to time, each once.
+    """
+    lead = min(LEAD, len(samples) - 1)
+    count = min(count, len(samples) - lead)
+    blocks = np.array_split(np.arange(lead, lead + count), math.ceil(count / BLOCK))
+    gaps = np.linspace(0, len(samples) - lead - count, len(blocks)).astype(int)
+    starts = [int(block[0] + gap) for block, gap in zip(blocks, gaps, strict=True)]
+    return [
+        Block(samples[start - lead : start], samples[start : start + len(block)])
+        for start, block in zip(starts, blocks, strict=True)
+    ]

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from mirte_drake.benchmark.measure import measure
-from mirte_drake.benchmark.problems import choose_pairs, drive_ideally
+from mirte_drake.benchmark.problems import choose_blocks, drive_ideally
 from mirte_drake.benchmark.solvers import make_driver, make_solver
 from mirte_drake.control.tracking_problem import TrackingData, TrackingProblem
 from mirte_drake.model.model_file import load_model
@@ -122,8 +122,8 @@ def _scaling(
         made = {name: make_solver(problem, name) for name in names}
         if made:
             samples = list(drive_ideally(problem, make_driver(problem), typical, poses, SAMPLES))
-            pairs = choose_pairs(samples[SAMPLES // 2 :], count)
-            measured = measure(problem, made, pairs, repeats=REPEATS, time_budget=TIME_BUDGET)
+            blocks = choose_blocks(samples[SAMPLES // 2 :], count)
+            measured = measure(problem, made, blocks, repeats=REPEATS, time_budget=TIME_BUDGET)
             for name, measurement in measured.items():
                 if np.any(measurement.success):
                     solved = measurement.solve_time[measurement.success]

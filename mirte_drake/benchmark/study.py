@@ -5,10 +5,11 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from mirte_drake.benchmark.ancillary import time_designs
 from mirte_drake.benchmark.closed_loop import ClosedLoop, run_closed_loops
 from mirte_drake.benchmark.first_call import first_call
 from mirte_drake.benchmark.measure import Measurement, measure
-from mirte_drake.benchmark.problems import choose_pairs, drive, tracking_problem
+from mirte_drake.benchmark.problems import LEAD, choose_blocks, drive, tracking_problem
 from mirte_drake.benchmark.scaling import HORIZONS, Scaling, horizon_scaling, state_scaling
 from mirte_drake.benchmark.solvers import make_reference_solver, make_solver
 from mirte_drake.checks import check_number
@@ -24,6 +25,7 @@ class BenchmarkSettings:
 
     problems: int = 100  # Logged problems.
     repeats: int = 10  # Rounds over them: 1000 solves are needed for the 99.9th percentile.
+    pause_repeats: int = 3  # Rounds with a pause before every solve.
     time_budget: float = 5.0  # [s] A solver that has used it sits out further rounds.
     loop_duration: float | None = None  # [s] of the closed loops; None: the scenario's.
     horizons: tuple[int, ...] = HORIZONS
@@ -39,6 +41,7 @@ class BenchmarkSettings:
 QUICK = BenchmarkSettings(
     problems=10,
     repeats=2,
+    pause_repeats=1,
     time_budget=0.5,
     loop_duration=3.0,
     horizons=(10, 20),
@@ -54,9 +57,10 @@ class Benchmark:
     name: str  # Of the scenario.
     period: float  # [s]
     settings: BenchmarkSettings
-    problems: int  # So many the run had to give.
+    problems: int  # So many were timed: no more than the run had to give.
     solves: dict[str, Measurement]
     closed_loops: dict[str, ClosedLoop]
+    design_time: np.ndarray  # [s] of the ancillary law's designs.
     first_calls: dict[str, dict[str, float]]  # [s] in a fresh process.
     installation_calls: dict[str, dict[str, float]]  # [s] with nothing compiled: the first solver.
     horizons: Scaling
@@ -67,8 +71,9 @@ def progress_length(settings: BenchmarkSettings, scenario: Scenario, solvers: in
     """Returns how often ``run_benchmark`` reports progress, as the length of a bar."""
     loop = _loop_scenario(settings, scenario)
     long_steps = len(settings.horizons) + 2 + solvers
-    timed = min(settings.problems, loop.steps - 1) * settings.repeats
-    return 2 * loop.steps + timed + long_steps * LONG_STEP
+    rounds = settings.repeats + settings.pause_repeats
+    timed = min(settings.problems, max(1, loop.steps - LEAD))
+    return 2 * loop.steps + timed * rounds + long_steps * LONG_STEP
 
 
 def run_benchmark(
@@ -106,17 +111,19 @@ def run_benchmark(
     for sample in drive(loop):
         samples.append(sample)
         step()
-    pairs = choose_pairs(samples, settings.problems)
+    blocks = choose_blocks(samples, settings.problems)
     measured = measure(
         problem,
         made,
-        pairs,
+        blocks,
         repeats=settings.repeats,
+        pause_repeats=settings.pause_repeats,
         reference=make_reference_solver(problem),
         time_budget=settings.time_budget,
-        on_problem=step,
+        on_problems=on_progress,
     )
     closed_loops = run_closed_loops(loop, made, on_sample=step)
+    design_time = time_designs(loop, samples, settings.repeats)
     typical = samples[-1].data
     poses = np.array([sample.data.reference[0] for sample in samples])
     horizons = horizon_scaling(
@@ -130,7 +137,7 @@ def run_benchmark(
     )
     states = state_scaling(problem, solvers, typical, poses, count=settings.scaling_problems)
     long_step()
-    first = pairs[0][1]
+    first = blocks[0].timed[0]
     first_calls = {}
     for solver in solvers:
         first_calls[solver] = first_call(solver, problem, first.data, first.guess)
@@ -145,9 +152,10 @@ def run_benchmark(
         name,
         scenario.period,
         settings,
-        len(pairs),
+        sum(len(block.timed) for block in blocks),
         measured,
         closed_loops,
+        design_time,
         first_calls,
         installation_calls,
         horizons,

@@ -43,13 +43,13 @@ def benchmark(
     """Times every solver on the problems of the scenario NAME, by default the study's rectangle.
 
     The controller's own solvers and, when installed, CasADi's (pip install
-    mirte-drake[benchmark]): on the same logged problems, in the same closed loop, over the
-    horizon and the number of states, and from a fresh process. Writes benchmark.json and a figure
-    as PDF, SVG and PNG.
+    mirte-drake[benchmark]): on the same logged problems, back to back and after pauses, in the
+    same closed loop, over the horizon and the number of states, and from a fresh process. Writes
+    benchmark.json and a figure as PDF, SVG and PNG.
     """
     import dataclasses as dc
 
-    from mirte_drake.benchmark.report import REPORT_FILE, report, table
+    from mirte_drake.benchmark.report import REPORT_FILE, report
     from mirte_drake.benchmark.solvers import available_solvers, check_solvers, has_casadi
     from mirte_drake.benchmark.study import (
         QUICK,
@@ -57,6 +57,7 @@ def benchmark(
         progress_length,
         run_benchmark,
     )
+    from mirte_drake.benchmark.table import table
     from mirte_drake.files import replacing_results, write_json
     from mirte_drake.scenario import load_scenario, scenario_stem
     from mirte_drake.visualization.benchmark_figure import BENCHMARK_FILES, save_benchmark_figure
@@ -80,6 +81,7 @@ def benchmark(
         if not no_plots:
             save_benchmark_figure(
                 {solver: row.solve_time for solver, row in measured.solves.items()},
+                {solver: row.after_pause for solver, row in measured.solves.items()},
                 measured.period,
                 measured.horizons.sizes,
                 measured.horizons.solve_time,

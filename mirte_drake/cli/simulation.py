@@ -91,7 +91,8 @@ def diagram(
 
 def _table(summary: dict, tube: bool) -> str:
     """Returns the summary for a person to read."""
-    rmse, true, solve = summary["rmse"], summary["true_rmse"], summary["solve_time_ms"]
+    rmse, true = summary["rmse"], summary["true_rmse"]
+    solve, feedback = summary["solve_time_ms"], summary["feedback_time_ms"]
     rows = [
         ("scenario", f"{summary['scenario']}, seed {summary['seed']}"),
         ("samples", f"{summary['steps']} ({summary['simulated_time_s']:.1f} s)"),
@@ -101,12 +102,17 @@ def _table(summary: dict, tube: bool) -> str:
         ("solver", f"{summary['solver']}, {summary['solve_failures']} failures"),
         (
             "solve time",
-            f"{solve['p50']:.1f} ms median, {solve['p99']:.1f} ms p99, {solve['max']:.1f} ms max",
+            f"{solve['p50']:.2f} ms median, {solve['p99']:.2f} ms p99, {solve['max']:.2f} ms max",
         ),
+        ("from pose to plan", f"{feedback['p50']:.2f} ms median, {feedback['p99']:.2f} ms p99"),
         ("outside the tube", f"{summary['tube_violations']} samples" if tube else "no tube"),
         ("successor outside", f"{summary['successor_violations']} samples" if tube else "no tube"),
         ("input set violated", f"{summary['input_violations']} samples"),
-        ("rate bound violated", f"{summary['rate_violations']} samples"),
+        (
+            "rate bound violated",
+            f"{summary['rate_violations']} samples, {summary['rate_relaxations']} to meet bounds",
+        ),
+        ("ended early", f"{summary['early_solves']} solves"),
         ("wall time", f"{summary['wall_time_s']:.1f} s"),
     ]
     return "\n".join(f"{label:22}{value}" for label, value in rows)

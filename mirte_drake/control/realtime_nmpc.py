@@ -2,17 +2,18 @@
 
 States are eliminated (condensed): x0 and the inputs remain, and all constraints are linear in
 them, so every iterate is feasible and any iterate can be driven with. The Hessian is
-Gauss-Newton's. A dual active-set solver (DAQP) solves each quadratic program.
+Gauss-Newton's, which near the reference is all it takes.
 """
 
 import time
 from typing import NamedTuple
 
-import daqp
 import numpy as np
 
 from mirte_drake.control import tracking_kernels
+from mirte_drake.control.curvature import convex_hessian
 from mirte_drake.control.nmpc_solution import NmpcSolution
+from mirte_drake.control.quadratic_program import QuadraticProgram
 from mirte_drake.control.tracking_problem import (
     PosedProblem,
     TrackingData,
@@ -21,13 +22,17 @@ from mirte_drake.control.tracking_problem import (
     pose,
     rate_matrix,
 )
+from mirte_drake.vectors import POSE
 
 CONTRACTION = 0.03  # A Hessian is kept while each step promises less than this of the last one.
+SLOW = 0.1  # Steps that promise more than this of the last one converge slowly.
+# [m, rad] Where the optimum stays farther than this from a reference, what Gauss-Newton's Hessian
+# leaves out, which is proportional to the error, can make a saddle look like a minimum.
+FAR = 0.2
+SADDLE = 1e-4  # A saddle is left by doubling steps: they may begin this much smaller.
 SMALLEST_STEP = 2.0**-10  # Of the line search.
 ROUNDING = 1e-12  # Of the cost, relative and absolute.
-PRIMAL_TOLERANCE = 1e-9  # [m, rad, pwm] Of a constraint in the quadratic programs.
 RATE_TOLERANCE = 1e-12  # [pwm] Rounding of a move.
-SOLVED = 1  # DAQP's exit flag.
 
 
 class _Linearisation(NamedTuple):
@@ -47,49 +52,6 @@ class _Iterate(NamedTuple):
     jacobians: np.ndarray
     cost: float
     gradient: np.ndarray
-
-
-class _QuadraticProgram:
-    """min z' H z / 2 + g' z with bounds on [z; A z], by DAQP."""
-
-    def __init__(self, A: np.ndarray) -> None:
-        size, rows = A.shape[1], A.shape[1] + len(A)
-        self._inactive = np.zeros(rows, dtype=np.int32)
-        self._hessian: np.ndarray | None = None
-        self._daqp = daqp.Model()
-        self._daqp.setup(np.eye(size), np.zeros(size), A, np.full(rows, 1e30), np.full(rows, -1e30))
-        self._daqp.settings = {"primal_tol": PRIMAL_TOLERANCE}
-
-    def set_hessian(self, hessian: np.ndarray) -> None:
-        """Factorises a Hessian, unless it is the one that already is.
-
-        Raises:
-            ValueError: when it is not positive definite.
-        """
-        if hessian is self._hessian:
-            return
-        self._hessian = None
-        if self._daqp.update(H=hessian) != 0:
-            raise ValueError("Gauss-Newton Hessian is not positive definite")
-        self._hessian = hessian
-
-    def solve(
-        self, gradient: np.ndarray, lower: np.ndarray, upper: np.ndarray, first: bool
-    ) -> tuple[np.ndarray, float]:
-        """Returns the solution, and by how much it lowers the cost below that at zero.
-
-        ``first`` begins without an active set: that of the solve before may be another Context's.
-
-        Raises:
-            ValueError: when there is none.
-        """
-        active = self._inactive if first else None
-        flag = self._daqp.update(f=gradient, bupper=upper, blower=lower, sense=active)
-        if flag == 0:
-            z, value, flag, _ = self._daqp.solve()
-        if flag != SOLVED:
-            raise ValueError(f"quadratic program not solved: DAQP's exit flag is {flag}")
-        return z, -value
 
 
 class RealtimeNmpc:
@@ -135,14 +97,16 @@ class RealtimeNmpc:
         Args:
             guess: (size,) finite.
         """
-        if self._is_prepared(guess):
-            return
+        if not self._is_prepared(guess):
+            self._linearise(guess)
+
+    def _linearise(self, guess: np.ndarray) -> None:
         start = time.perf_counter()
         self._prepared = None  # Until everything holds.
         states, jacobians = self._problem.model.roll_out_jacobians(
             *self._split(guess), self._problem.period
         )
-        self._set_hessian(jacobians)
+        self._set_hessian(self._gauss_newton_hessian(jacobians))
         duration = time.perf_counter() - start
         self._prepared = _Linearisation(guess.copy(), states, jacobians, duration)
 
@@ -160,7 +124,9 @@ class RealtimeNmpc:
             if not tracking_kernels.all_finite(guess):
                 raise ValueError("guess not finite")
             posed = pose(self._problem, data)
-            iterate, iterations, gave_up = self._iterate(posed, guess, start)
+            if ahead is None:
+                self._linearise(guess)
+            iterate, iterations, gave_up = self._iterate(posed, start)
             if not np.isfinite(iterate.cost):
                 raise ValueError("solution not finite")
         except ValueError as error:
@@ -182,31 +148,43 @@ class RealtimeNmpc:
     def _is_prepared(self, guess: np.ndarray) -> bool:
         return self._prepared is not None and bool((guess == self._prepared.z).all())
 
-    def _iterate(
-        self, posed: PosedProblem, guess: np.ndarray, start: float
-    ) -> tuple[_Iterate, int, str]:
+    def _iterate(self, posed: PosedProblem, start: float) -> tuple[_Iterate, int, str]:
         """Returns the last iterate, how many there were, and why it is not the optimum."""
-        self.prepare(guess)
         assert self._prepared is not None
         z, states, jacobians, _ = self._prepared
         iterate = self._weigh(posed, z, states, jacobians)
-        step, promise = self._solve_qp(posed, iterate, first=True)
+        # The active sets may be those of another Context.
+        self._without_rates.forget()
+        self._with_rates.forget()
+        step, promise, multipliers = self._solve_qp(posed, iterate)
         iterate = self._advance(posed, iterate, step)
         if self._max_iterations == 1:
             return iterate, 1, ""
-        self._prepared, last_promise = None, 0.0
+        self._prepared, last_promise, second_order = None, 0.0, False
         for iteration in range(2, self._max_iterations + 1):
             if time.perf_counter() - start > self._time_limit:
                 return iterate, iteration - 1, f"time limit of {self._time_limit:g} s reached"
-            if promise > CONTRACTION * last_promise:
-                self._set_hessian(iterate.jacobians)
-            last_promise = promise
-            step, promise = self._solve_qp(posed, iterate)
-            converged = promise <= self._tolerance * iterate.cost + ROUNDING
+            second_order |= iteration > 3 and promise > SLOW * last_promise
+            try:
+                if second_order:
+                    self._set_hessian(self._full_hessian(posed, iterate, multipliers))
+                elif promise > CONTRACTION * last_promise:
+                    self._set_hessian(self._gauss_newton_hessian(iterate.jacobians))
+                last_promise = promise
+                step, promise, multipliers = self._solve_qp(posed, iterate)
+            except ValueError as error:
+                self._reset()
+                return iterate, iteration - 1, str(error)
+            tolerance = self._tolerance * (SADDLE if second_order else 1.0)
+            converged = promise <= tolerance * iterate.cost + ROUNDING
             iterate = self._advance(posed, iterate, step)
-            if converged:
+            if converged and (second_order or not self._is_far(posed, iterate)):
                 return iterate, iteration, ""
+            second_order |= converged
         return iterate, iteration, f"not converged in {self._max_iterations} iterations"
+
+    def _is_far(self, posed: PosedProblem, iterate: _Iterate) -> bool:
+        return np.abs(iterate.states[1:, POSE] - posed.references).max() > FAR
 
     def _advance(self, posed: PosedProblem, iterate: _Iterate, step: np.ndarray) -> _Iterate:
         """Returns the iterate a step further, or nearer where the whole step costs more."""
@@ -221,7 +199,9 @@ class RealtimeNmpc:
 
     def _evaluate(self, posed: PosedProblem, z: np.ndarray) -> _Iterate:
         """Returns the iterate at the decision vector near z that meets every constraint."""
-        z = posed.project(z)
+        return self._roll_out(posed, posed.project(z))
+
+    def _roll_out(self, posed: PosedProblem, z: np.ndarray) -> _Iterate:
         model, (x0, inputs) = self._problem.model, self._split(z)
         if self._max_iterations == 1:
             states, jacobians = model.roll_out(x0, inputs, self._problem.period), self._no_jacobians
@@ -246,9 +226,9 @@ class RealtimeNmpc:
         return _Iterate(z, states, jacobians, cost, gradient)
 
     def _solve_qp(
-        self, posed: PosedProblem, iterate: _Iterate, first: bool = False
-    ) -> tuple[np.ndarray, float]:
-        """Returns the step, and by how much it lowers the quadratic model of the cost.
+        self, posed: PosedProblem, iterate: _Iterate
+    ) -> tuple[np.ndarray, float, np.ndarray]:
+        """Returns the step, by how much it lowers the quadratic model, and the multipliers.
 
         Rates take most of the work and are seldom active: a solution without them that meets
         them is the solution.
@@ -258,24 +238,37 @@ class RealtimeNmpc:
         """
         z, size, m = iterate.z, len(iterate.z), self._stages[1]
         bounds = posed.least[:size] - z, posed.most[:size] - z
-        step, promise = self._without_rates.solve(iterate.gradient, *bounds, first)
+        step, promise, multipliers = self._without_rates.solve(iterate.gradient, *bounds)
         if tracking_kernels.meets_rates(z + step, posed.least, posed.most, m, RATE_TOLERANCE):
-            return step, promise
+            return step, promise, multipliers
         values = np.concatenate([z, self._rate_matrix @ z])
         self._with_rates.set_hessian(self._hessian)
-        return self._with_rates.solve(
-            iterate.gradient, posed.least - values, posed.most - values, first
-        )
+        return self._with_rates.solve(iterate.gradient, posed.least - values, posed.most - values)
 
-    def _set_hessian(self, jacobians: np.ndarray) -> None:
-        self._hessian = tracking_kernels.condense(jacobians, *self._weights)
-        self._without_rates.set_hessian(self._hessian)
+    def _set_hessian(self, hessian: np.ndarray) -> None:
+        self._hessian = hessian
+        self._without_rates.set_hessian(hessian)
+
+    def _gauss_newton_hessian(self, jacobians: np.ndarray) -> np.ndarray:
+        return tracking_kernels.condense(jacobians, *self._weights)
+
+    def _full_hessian(
+        self, posed: PosedProblem, iterate: _Iterate, multipliers: np.ndarray
+    ) -> np.ndarray:
+        rows = np.flatnonzero(multipliers)
+        constraints = np.vstack([np.eye(len(iterate.z)), self._rate_matrix])
+        return convex_hessian(
+            lambda z: self._roll_out(posed, z).gradient,
+            iterate.z,
+            constraints[rows],
+            multipliers[rows],
+        )
 
     def _reset(self) -> None:
         self._prepared = None
         self._hessian = np.eye(self._problem.size)
-        self._without_rates = _QuadraticProgram(np.zeros((0, self._problem.size)))
-        self._with_rates = _QuadraticProgram(self._rate_matrix)
+        self._without_rates = QuadraticProgram(np.zeros((0, self._problem.size)))
+        self._with_rates = QuadraticProgram(self._rate_matrix)
 
     def _failure(self, reason: str, guess: np.ndarray, solve_time: float) -> NmpcSolution:
         x0, inputs = self._split(guess)

@@ -72,13 +72,14 @@ def condense(
     m = width - n
     size = n + N * m
     H = np.zeros((size, size))
+    weight, last_weight = 2.0 * Q, 2.0 * (Q + P)
     sensitivity, adjoint, carried = np.empty((N + 1, n, width)), np.empty((n, width)), np.empty(n)
     for j in range(-1, N):  # Columns of x0 (-1), then of u_j.
-        columns, first = (n, 0) if j < 0 else (m, n + j * m)
-        begin = max(j, 0)
+        columns, first, begin = (n, 0, 0) if j < 0 else (m, n + j * m, j)
         for r in range(n):
             for c in range(columns):
                 sensitivity[begin + 1, r, c] = jacobians[begin, r, c if j < 0 else n + c]
+                adjoint[r, c] = 0.0
         for i in range(begin + 1, N):
             for r in range(n):
                 for c in range(columns):
@@ -86,13 +87,12 @@ def condense(
                     for q in range(n):
                         total += jacobians[i, r, q] * sensitivity[i, q, c]
                     sensitivity[i + 1, r, c] = total
-        adjoint[:] = 0.0
         for i in range(N - 1, begin - 1, -1):
+            W = last_weight if i == N - 1 else weight
             for c in range(columns):
                 for p in range(3):
                     for q in range(3):
-                        weight = Q[p, q] + P[p, q] if i == N - 1 else Q[p, q]
-                        adjoint[p, c] += 2.0 * weight * sensitivity[i + 1, q, c]
+                        adjoint[p, c] += W[p, q] * sensitivity[i + 1, q, c]
                 for r in range(m):
                     total = 0.0
                     for q in range(n):
@@ -103,7 +103,8 @@ def condense(
                     for q in range(n):
                         total += jacobians[i, q, r] * adjoint[q, c]
                     carried[r] = total
-                adjoint[:, c] = carried
+                for r in range(n):
+                    adjoint[r, c] = carried[r]
         if j < 0:
             H[:n, :n] = adjoint[:, :n]
     for i in range(N):

@@ -22,6 +22,9 @@ class TermTable(NamedTuple):
     terms: np.ndarray  # (M,) index of the coefficient's term.
     entries: np.ndarray  # (M,) index into f (n), or into the Jacobian (n (n + m)) by rows.
     size: int  # Number of coefficients of f.
+    # Whether RK4's two middle stages are the same: velocities depend on the states by yaw alone,
+    # and the yaw rate not at all, so that yaw is linear over a step. Then RK4 is Simpson's rule.
+    simpson: bool
 
 
 def tabulate(
@@ -47,7 +50,13 @@ def tabulate(
         np.array([term for _, term, _ in rows], dtype=np.uintp),
         np.array([entry for _, _, entry in rows], dtype=np.uintp),
         sum(len(f) for f in equations),
+        _is_simpson(equations, states),
     )
+
+
+def _is_simpson(equations: Sequence[Polynomial], states: Sequence[str]) -> bool:
+    used = [{factor for term in f for factor in term} for f in equations]
+    return not any(factors & set(states) for factors in used) and not used[YAW] & {SIN, COS}
 
 
 def dense(array: np.ndarray) -> np.ndarray:
@@ -135,7 +144,8 @@ def _step(
     f, stage = np.empty(len(x)), x.copy()
     end[:] = x
     for i in range(4):
-        _derivative(table, _evaluate_terms(table, stage, u, work), f)
+        if not (table.simpson and i == 2):
+            _derivative(table, _evaluate_terms(table, stage, u, work), f)
         for r in range(len(x)):
             end[r] += dt / (6.0 if i in (0, 3) else 3.0) * f[r]
             stage[r] = x[r] + (dt if i == 2 else 0.5 * dt) * f[r]
@@ -162,6 +172,20 @@ def roll_out(table: TermTable, x: np.ndarray, inputs: np.ndarray, dt: float) -> 
 
 
 @numba.njit(cache=True)
+def _vary(jacobian: np.ndarray, G: np.ndarray, slope: np.ndarray) -> None:
+    """Sets slope to df/dx G + [0, df/du]."""
+    n, width = G.shape
+    for r in range(n):
+        for c in range(width):
+            slope[r, c] = jacobian[r * width + c] if c >= n else 0.0
+        for q in range(n):
+            by_state = jacobian[r * width + q]
+            if by_state != 0.0:
+                for c in range(width):
+                    slope[r, c] += by_state * G[q, c]
+
+
+@numba.njit(cache=True)
 def _step_jacobian(
     table: TermTable,
     x: np.ndarray,
@@ -182,18 +206,13 @@ def _step_jacobian(
         G[r, r] = 1.0
     end[:], total[:] = x, G
     for i in range(4):
-        values = _evaluate_terms(table, stage, u, work)
-        _derivative(table, values, f)
-        _jacobian(table, values, jacobian)
         weight, ahead = dt / (6.0 if i in (0, 3) else 3.0), dt if i == 2 else 0.5 * dt
+        if not (table.simpson and i == 2):
+            values = _evaluate_terms(table, stage, u, work)
+            _derivative(table, values, f)
+            _jacobian(table, values, jacobian)
+            _vary(jacobian, G, slope)
         for r in range(n):
-            for c in range(width):
-                slope[r, c] = jacobian[r * width + c] if c >= n else 0.0
-            for q in range(n):
-                by_state = jacobian[r * width + q]
-                if by_state != 0.0:
-                    for c in range(width):
-                        slope[r, c] += by_state * G[q, c]
             end[r] += weight * f[r]
             stage[r] = x[r] + ahead * f[r]
         for r in range(n):

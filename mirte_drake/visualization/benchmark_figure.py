@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,11 +14,13 @@ from mirte_drake.visualization.style import FORMATS, SOLVERS, Line, write_figure
 BENCHMARK_FILES = tuple(f"benchmark.{suffix}" for suffix in FORMATS)
 
 _BINS_PER_DECADE = 30
-_HEIGHT = 0.6  # Of the tallest bin, where solvers stand one apart.
+_PAUSED: dict[str, Any] = {"marker": "o", "ms": 4, "mfc": "white", "mew": 0.8}
+_HEIGHT = 0.5  # Of the tallest bin, where solvers stand one apart.
 
 
 def benchmark_figure(
     solve_time: Mapping[str, np.ndarray],
+    after_pause: Mapping[str, np.ndarray],
     period: float,
     horizons: Sequence[int],
     scaling: Mapping[str, np.ndarray],
@@ -26,6 +29,7 @@ def benchmark_figure(
 
     Args:
         solve_time: (S,) [s] of every solver, by its name.
+        after_pause: (S,) [s] the same after pauses.
         period: [s] of the controller.
         horizons: (H,) in samples.
         scaling: (H,) [s] medians of every solver, NaN where unknown.
@@ -36,6 +40,8 @@ def benchmark_figure(
     # The fastest on top, as a table would have it.
     names = sorted(solve_time, key=lambda name: np.median(solve_time[name]), reverse=True)
     _draw_distributions(left, [(name, 1e3 * solve_time[name], styles[name]) for name in names])
+    for level, name in enumerate(names):
+        left.plot(1e3 * np.median(after_pause[name]), level, color=styles[name]["color"], **_PAUSED)
     left.axvline(1e3 * period, color="black", lw=0.9, ls=":")
     left.text(1e3 * period, len(names) - 0.12, "sample time ", ha="right", va="top", fontsize=8)
     for name in reversed(names):
@@ -56,6 +62,7 @@ def benchmark_figure(
 
 def save_benchmark_figure(
     solve_time: Mapping[str, np.ndarray],
+    after_pause: Mapping[str, np.ndarray],
     period: float,
     horizons: Sequence[int],
     scaling: Mapping[str, np.ndarray],
@@ -67,7 +74,8 @@ def save_benchmark_figure(
         UserError: when the folder cannot be written.
     """
     return write_figures(
-        {"benchmark": lambda: benchmark_figure(solve_time, period, horizons, scaling)}, folder
+        {"benchmark": lambda: benchmark_figure(solve_time, after_pause, period, horizons, scaling)},
+        folder,
     )
 
 
@@ -97,13 +105,14 @@ def _draw_distributions(axes: Axes, rows: list[tuple[str, np.ndarray, Line]]) ->
     # What the markers mean, beside the first line that is drawn.
     for label, marker, size in (("median", "o", 4), ("99 %", "|", 7), ("longest", ">", 3.5)):
         axes.plot([], [], ls="", marker=marker, color="0.3", ms=size, label=label)
+    axes.plot([], [], ls="", color="0.3", label="median after a pause", **_PAUSED)
     axes.set_yticks(range(len(rows)), [name.replace("_", " ") for name, _, _ in rows])
     axes.set(xscale="log", xlabel="solve time [ms]", ylim=(-0.5, len(rows)))
     axes.xaxis.set_major_formatter(FuncFormatter(_plain))
     axes.grid(axis="y", visible=False)
     axes.tick_params(axis="y", length=0)
     axes.legend(
-        loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, fontsize=8, handletextpad=0.1
+        loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, fontsize=8, handletextpad=0.1
     )
 
 

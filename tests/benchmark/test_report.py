@@ -6,19 +6,25 @@ import pytest
 
 from mirte_drake.benchmark.closed_loop import ClosedLoop
 from mirte_drake.benchmark.measure import Measurement
-from mirte_drake.benchmark.report import report, table
+from mirte_drake.benchmark.report import report
 from mirte_drake.benchmark.scaling import Scaling
 from mirte_drake.benchmark.solvers import available_solvers, check_solvers
 from mirte_drake.benchmark.study import QUICK, Benchmark
+from mirte_drake.benchmark.table import table
 from mirte_drake.errors import UserError
 
 
-def measurement(milliseconds, gaps=(1e-6, 3e-6, np.nan)) -> Measurement:
+def measurement(milliseconds, gaps=(1e-6, 3e-6, np.nan), prepared=()) -> Measurement:
     gap = np.array(gaps)
     success = ~np.isnan(gap)
     times = 1e-3 * np.array(milliseconds)
     violation = np.where(success, 1e-7, np.nan)
-    return Measurement(times, 0.5 * times, np.array([2, 4, 3]), gap, violation, success)
+    return Measurement(
+        times, 0.5 * times, np.array([2, 4, 3]), gap, violation, success,
+        after_pause=2.0 * times,
+        preparation=1e-3 * np.array(prepared),
+        feedback=3e-3 * np.array(prepared),
+    )  # fmt: skip
 
 
 @pytest.fixture
@@ -33,10 +39,11 @@ def benchmark() -> Benchmark:
         problems=3,
         solves={
             "casadi_ipopt": measurement([3.0, 4.0, 5.0]),
-            "converged": measurement([0.1, 0.2, 0.3]),
+            "converged": measurement([0.1, 0.2, 0.3], prepared=[0.01, 0.02]),
             "broken": measurement([1.0, 1.0, 1.0], [np.nan] * 3),
         },
         closed_loops={"converged": loop},
+        design_time=np.array([2e-5, 3e-5, 9e-5]),
         first_calls={
             "converged": {"import_s": 1.0, "construction_s": 2.0, "first_solve_s": 4.0},
         },
@@ -53,6 +60,10 @@ def test_report_of_known_numbers(benchmark):
     assert (row["solves"], row["failures"]) == (3, 1)
     assert row["solve_time_ms"]["p50"] == pytest.approx(0.2)
     assert row["solve_time_ms"]["max"] == pytest.approx(0.3)
+    assert row["after_pause_ms"] == pytest.approx({"p50": 0.4, "p99": 0.596})
+    assert row["preparation_ms"] == pytest.approx({"p50": 0.015, "p99": 0.0199})
+    assert row["feedback_after_pause_ms"] == pytest.approx({"p50": 0.045, "p99": 0.0597})
+    assert result["solvers"]["casadi_ipopt"]["feedback_after_pause_ms"] is None
     assert row["share_of_period"]["max"] == pytest.approx(0.003)
     assert row["speedup"] == pytest.approx(20.0)
     assert result["solvers"]["casadi_ipopt"]["speedup"] == 1.0
@@ -63,6 +74,8 @@ def test_report_of_known_numbers(benchmark):
     loop = result["closed_loop"]["converged"]
     assert loop["rmse"] == pytest.approx({"x_m": np.sqrt(12.5), "y_m": 0.0, "yaw_rad": 1.0})
     assert loop["failures"] == 1 and loop["solve_time_ms"]["p50"] == pytest.approx(2.0)
+    assert result["ancillary_design_ms"]["p50"] == pytest.approx(0.03)
+    assert "DLQR design, checked: 0.030 ms median" in table(result)
     assert result["first_call"]["converged"]["total_s"] == 7.0
     assert result["first_call_after_installation"]["converged"]["total_s"] == 13.25
     horizon = result["horizon"]
@@ -89,6 +102,11 @@ def test_without_the_baseline_there_is_no_speedup(benchmark):
 def test_table_has_every_part(benchmark):
     text = table(report(benchmark))
     assert "converged" in text and "20.0" in text and "1/3" in text
+    row = next(line for line in text.splitlines() if line.startswith("converged"))
+    assert row.split()[1:7] == ["0.200", "0.298", "0.300", "0.300", "0.400", "0.045"]
+    row = next(line for line in text.splitlines() if line.startswith("casadi_ipopt"))
+    assert row.split()[5:7] == ["8.000", "-"]
+    assert "paused: median after 5 ms of sleep" in text
     assert "With nothing compiled yet, as after an installation: converged 13.2 s" in text
     assert "is faster than converged at none of these horizons" in text
     crossing = dc.replace(

@@ -4,6 +4,7 @@ from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoD
 from pydrake.symbolic import Variable
 
 from mirte_drake.model.model_file import load_model, model_names
+from mirte_drake.model.prediction_model import PredictionModel
 from mirte_drake.model.sparse_model import SparseModel
 
 NAMES = model_names()
@@ -102,6 +103,36 @@ def test_batches_equal_single_evaluation(model, points):
         )
         for many, one in zip(batch, single, strict=True):
             np.testing.assert_allclose(many[index], one, rtol=1e-13, atol=1e-13)
+
+
+def test_compiled_code_equals_the_general_path(model, points):
+    """What every PredictionModel inherits: RK4 and its Jacobians from derivative, linearise."""
+    xs, us = points
+    x, inputs = xs[0, 0], us[0]
+    general = PredictionModel
+    np.testing.assert_allclose(
+        model.step(xs, us, 0.1), general.step(model, xs, us, 0.1), rtol=1e-12, atol=1e-12
+    )
+    np.testing.assert_allclose(
+        model.step_jacobians(xs, us, 0.1),
+        general.step_jacobians(model, xs, us, 0.1),
+        rtol=1e-11,
+        atol=1e-12,
+    )
+    compiled = model.roll_out_jacobians(x, inputs, 0.1)
+    for one, other in zip(compiled, general.roll_out_jacobians(model, x, inputs, 0.1), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-11, atol=1e-11)
+    np.testing.assert_array_equal(model.roll_out(x, inputs, 0.1), compiled[0])
+
+
+@pytest.mark.parametrize("kind", [np.asfortranarray, lambda a: a[::-1][::-1], np.float32])
+def test_arrays_of_any_layout(model, points, kind):
+    xs, us = points
+    x, u = xs[0].astype(np.float32).astype(float), us[0].astype(np.float32).astype(float)
+    np.testing.assert_array_equal(model.derivative(kind(x), kind(u)), model.derivative(x, u))
+    read_only = x.copy()
+    read_only.setflags(write=False)
+    np.testing.assert_array_equal(model.derivative(read_only, u), model.derivative(x, u))
 
 
 def test_linearisation_equals_autodiff(model, points):
