@@ -30,7 +30,9 @@ SLOW = 0.1  # Steps that promise more than this of the last one converge slowly.
 # [m, rad] Where the optimum stays farther than this from a reference, what Gauss-Newton's Hessian
 # leaves out, which is proportional to the error, can make a saddle look like a minimum.
 FAR = 0.2
-SADDLE = 1e-4  # A saddle is left by doubling steps: they may begin this much smaller.
+# A saddle is left by doubling steps: they may begin this much smaller, and take this many. A valley
+# that is flat at its bottom never gets there.
+SADDLE, PATIENCE = 1e-4, 40
 SMALLEST_STEP = 2.0**-10  # Of the line search.
 ROUNDING = 1e-12  # Of a cost, relative.
 TINY = 1e-16  # Cost, in terms of the largest weight: 1e-8 m or rad.
@@ -185,7 +187,8 @@ class RealtimeNmpc:
             except ValueError as error:
                 self._reset()
                 return iterate, iteration - 1, str(error)
-            tolerance = self._tolerance * (SADDLE if second_order else 1.0)
+            patient = second_order and iteration < PATIENCE
+            tolerance = self._tolerance * (SADDLE if patient else 1.0)
             last_cost = iterate.cost
             iterate = self._advance(posed, iterate, step)
             converged = promise <= tolerance * last_cost + TINY
