@@ -66,7 +66,8 @@ class Scenario:
     # A multibody robot has no input for it: what disturbs that one is its floor.
     disturbance: DisturbanceConfig = dc.field(default_factory=UniformDisturbance)
     robot: RobotConfig = dc.field(default_factory=SindycRobotConfig)
-    # null: the robot's own, see ``measuring_odometry``.
+    # null: the robot's own, see ``measuring_odometry``. In a file it is another one from its
+    # defaults on; ``--set odometry.latency=0.05`` changes the one that the robot would have.
     odometry: OdometrySensorConfig | None = None
     # Of the simulated robot; null: its own, 0.01 of a dynamic robot, 1e-6 of the others.
     integration_accuracy: float | None = None
@@ -212,7 +213,8 @@ def load_scenario(name_or_path: str, overrides: Sequence[str] = ()) -> Scenario:
     if error:
         raise UserError(f"{path}: {error}")
     culprit = ""
-    for override in overrides:
+    # What the odometry is without change depends on the robot, so that it comes after it.
+    for override in sorted(overrides, key=lambda override: override.strip().startswith("odometry")):
         scenario = _override(scenario, override)
         # Two overrides may need each other, so only the last state must be right.
         culprit = (culprit or override) if _problem(scenario) else ""
@@ -271,6 +273,8 @@ def _override(scenario: Scenario, override: str) -> Scenario:
     for key, part in zip(reversed(keys), reversed(parts), strict=True):
         kind = f"!{type(part).__name__} " if isinstance(part, KINDS) else ""
         text = f"{kind}{{{key}: {text}}}"
+    if keys[0] == "odometry":
+        scenario = dc.replace(scenario, odometry=scenario.measuring_odometry)
     return parse_typed(Scenario, text, origin, defaults=scenario)
 
 

@@ -110,6 +110,17 @@ def test_null_odometry_is_the_robots_own():
     assert given.measuring_odometry == OdometrySensorConfig(latency=0.05)
 
 
+@pytest.mark.parametrize("kind", ["Dynamic", "Multibody"])
+@pytest.mark.parametrize("override", ["odometry.latency=0.05", "odometry={latency: 0.05}"])
+@pytest.mark.parametrize("turn", [1, -1])
+def test_changed_odometry_keeps_the_rest_of_the_robots_own(kind, override, turn):
+    overrides = [f"robot=!{kind}RobotConfig {{}}", override][::turn]
+    changed = load_scenario("rectangle", overrides).measuring_odometry
+    assert changed == OdometrySensorConfig(latency=0.05, jitter=JITTER)
+    given = load_scenario("rectangle", [*overrides, "odometry.jitter=0"]).measuring_odometry
+    assert given == OdometrySensorConfig(latency=0.05)
+
+
 def test_null_accuracy_is_the_robots_own():
     kinds = {"Sindyc": 1e-6, "Dynamic": 1e-2, "Multibody": 1e-6}
     for kind, accuracy in kinds.items():
