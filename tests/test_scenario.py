@@ -186,6 +186,10 @@ def test_duration_and_steps():
         ("robot=!DynamicRobotConfig {robot: magic}", ["robot.robot", "magic", "fitted"]),
         ("robot=!DynamicRobotConfig {payload: -1}", ["robot.payload", ">= 0"]),
         ("robot=!MultibodyRobotConfig {floor_friction: 0}", ["robot.floor_friction", "> 0"]),
+        (
+            "robot=!MultibodyRobotConfig {motors: drifting, motor_parameters: {delay: 0.1}}",
+            ["robot.motor_parameters", "'drifting'", "field delay"],
+        ),
         ("odometry.jitter=1", ["odometry.jitter", "<= 0.1"]),
         ("integration_accuracy=0", ["integration_accuracy", "> 0"]),
         ("reference=!Spiral {}", ["reference", "Spiral"]),

@@ -29,9 +29,11 @@ class MultibodyRobotConfig:
     # (2,) [rad] angle of the slope times the direction uphill, in the world frame's x and y: the
     # world frame lies in the floor.
     slope: np.ndarray = dc.field(default_factory=lambda: np.zeros(2))
-    motors: str = "clean"  # A named set: "clean", "drifting" or "fitted".
-    # Others than the named ones; the delay in whole time steps.
-    motor_parameters: DrivetrainParameters | None = None
+    # A named set: "clean", "drifting" or "fitted". The last has the gains and the sliding friction
+    # of the dynamic robot, but not its static friction: these wheels do not stick.
+    motors: str = "clean"
+    motor_parameters: DrivetrainParameters | None = None  # Others than the named ones.
+    delay: float = 0.0  # [s] Added to that of the motors; together rounded to whole time steps.
     # [s] 32 k steps of 0.1 s / 32 are exactly the float k * 0.1, where a sensor or controller
     # samples. 20 k steps of 0.005 s are not, in the last bit: some samples come a step early or
     # late, and the velocity at a steady command jumps by 5 %. The true pose in closed loop had not
@@ -56,6 +58,12 @@ class MultibodyRobotConfig:
                 self.motor_parameters.validate()
             except ValueError as error:
                 raise ValueError(f"motor_parameters.{error}") from None
+            if self.motors != MultibodyRobotConfig.motors:
+                raise ValueError(
+                    f"motor_parameters: must be null with motors {self.motors!r}, which they would "
+                    "replace; a delay may be added by the field delay"
+                )
+        check_number("delay", self.delay, minimum=0)
         check_number("time_step", self.time_step, above=0, maximum=0.01)
         if self.initial_pose is not None:
             check_array("initial_pose", self.initial_pose, (3,))
@@ -127,7 +135,7 @@ def _make_robot(config: MultibodyRobotConfig, pose: np.ndarray) -> Diagram:
     builder.Connect(motor.GetOutputPort("desired_state"), plant.get_desired_state_input_port(robot))
     builder.Connect(plant.get_state_output_port(robot), planar.GetInputPort("plant_state"))
     command = motor.GetInputPort("wheel_command")
-    steps = round(motors.delay / config.time_step)
+    steps = round((motors.delay + config.delay) / config.time_step)
     if steps:
         # It holds its input as well, which is one step of delay.
         delay = DiscreteTimeDelay(config.time_step, steps - 1, len(WHEELS))
