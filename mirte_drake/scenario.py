@@ -202,7 +202,8 @@ def load_scenario(name_or_path: str, overrides: Sequence[str] = ()) -> Scenario:
 
     Args:
         name_or_path: A name out of ``scenario_names``, or the path of a YAML file.
-        overrides: Later values, each as ``path.to.field=value``, the value in YAML.
+        overrides: Later values, each as ``path.to.field=value``, the value in YAML; a relative
+            path begins in the working directory.
 
     Raises:
         UserError: naming file or option, field, value and remedy.
@@ -241,7 +242,10 @@ def _load_with_bases(path: Path, seen: tuple[Path, ...]) -> Scenario:
 
 
 def _resolve_paths(scenario: Scenario, folder: Path) -> None:
-    """Makes the paths in a scenario file absolute: they are meant from that file's folder."""
+    """Makes paths absolute, so that a scenario as it was run runs again from elsewhere.
+
+    Those in a scenario file are meant from its folder, those of overrides from the working one.
+    """
 
     def resolved(name_or_path: str) -> str:
         is_path = name_or_path.endswith((".yaml", ".yml"))
@@ -275,7 +279,9 @@ def _override(scenario: Scenario, override: str) -> Scenario:
         text = f"{kind}{{{key}: {text}}}"
     if keys[0] == "odometry":
         scenario = dc.replace(scenario, odometry=scenario.measuring_odometry)
-    return parse_typed(Scenario, text, origin, defaults=scenario)
+    scenario = parse_typed(Scenario, text, origin, defaults=scenario)
+    _resolve_paths(scenario, Path())
+    return scenario
 
 
 def _problem(scenario: Scenario) -> str:

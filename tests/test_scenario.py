@@ -6,6 +6,7 @@ import pytest
 from mirte_drake.assembly import MakeDiagram
 from mirte_drake.control.reference_paths import CirclePath, RectanglePath, VelocityLegsPath
 from mirte_drake.errors import UserError
+from mirte_drake.model.model_file import IDENTIFIED_MODELS
 from mirte_drake.model.robot_file import load_robot_file, save_robot_file
 from mirte_drake.robots.odometry_sensor import OdometrySensorConfig
 from mirte_drake.robots.sindyc_robot import SindycRobotConfig
@@ -286,6 +287,31 @@ def test_paths_of_robots_are_meant_from_the_files_folder(tmp_path, monkeypatch):
     (folder / "mine.yaml").write_text("robot: !DynamicRobotConfig {robot: own.yaml}\n")
     monkeypatch.chdir(tmp_path)
     assert load_scenario("deep/mine.yaml").robot.robot == str((folder / "own.yaml").resolve())
+
+
+def test_paths_of_overrides_hold_from_another_folder(tmp_path, monkeypatch):
+    there, elsewhere = tmp_path / "there", tmp_path / "elsewhere"
+    for folder in (there, elsewhere):
+        folder.mkdir()
+    (there / "own.yaml").write_text((IDENTIFIED_MODELS / "kinematic.yaml").read_text())
+    save_robot_file(load_robot_file("clean"), there / "robot.yaml")
+    (there / "noise.csv").write_text("0.01,0,0\n")
+    for robot in (["robot.model=own.yaml"], ["robot=!DynamicRobotConfig {robot: robot.yaml}"]):
+        monkeypatch.chdir(there)
+        scenario = load_scenario(
+            "rectangle",
+            [
+                *robot,
+                "prediction_model=own.yaml",
+                "disturbance=!RecordedDisturbance {file: ../there/noise.csv}",
+            ],
+        )
+        write_typed(scenario, elsewhere / "as_run.scenario.yaml")
+        monkeypatch.chdir(elsewhere)
+        again = load_scenario("as_run.scenario.yaml")
+        assert repr(again) == repr(scenario)
+        assert again.prediction_model == str((there / "own.yaml").resolve())
+        assert again.disturbance.file == (there / "noise.csv").resolve()
 
 
 def test_models_that_do_not_fit_the_wheels_or_cannot_be_driven(tmp_path):
