@@ -192,6 +192,18 @@ def test_duration_and_steps():
             ["robot.motor_parameters", "'drifting'", "field delay"],
         ),
         ("odometry.jitter=1", ["odometry.jitter", "<= 0.1"]),
+        ("odometry.latency=3", ["odometry.latency", "<= 2", "got 3"]),
+        ("odometry={period: 0.0001}", ["odometry.period", ">= 0.001", "got 0.0001"]),
+        ("robot=!DynamicRobotConfig {delay: 3}", ["robot.delay", "<= 2", "got 3"]),
+        ("robot=!MultibodyRobotConfig {delay: 3}", ["robot.delay", "<= 2", "got 3"]),
+        (
+            "robot=!MultibodyRobotConfig {motor_parameters: {delay: 3}}",
+            ["robot.motor_parameters.delay", "<= 2", "got 3"],
+        ),
+        (
+            "robot=!MultibodyRobotConfig {time_step: 0.00001}",
+            ["robot.time_step", ">= 0.0001", "got 1e-05"],
+        ),
         ("integration_accuracy=0", ["integration_accuracy", "> 0"]),
         ("reference=!Spiral {}", ["reference", "Spiral"]),
         ("reference=!VelocitySetpointConfig {}", ["duration", "must be given"]),

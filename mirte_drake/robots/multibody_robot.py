@@ -12,7 +12,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import DiscreteTimeDelay
 
 from mirte_drake.checks import check_array, check_choice, check_number
-from mirte_drake.model.drivetrain import DrivetrainParameters
+from mirte_drake.model.drivetrain import MAX_DELAY, DrivetrainParameters
 from mirte_drake.robots.floor import FrictionPatch, add_floor, check_friction, gravity_on_slope
 from mirte_drake.robots.motor import MOTORS, Motor, motor_parameters
 from mirte_drake.robots.planar_state import PlanarState
@@ -63,8 +63,8 @@ class MultibodyRobotConfig:
                     f"motor_parameters: must be null with motors {self.motors!r}, which they would "
                     "replace; a delay may be added by the field delay"
                 )
-        check_number("delay", self.delay, minimum=0)
-        check_number("time_step", self.time_step, above=0, maximum=0.01)
+        check_number("delay", self.delay, minimum=0, maximum=MAX_DELAY)
+        check_number("time_step", self.time_step, minimum=1e-4, maximum=0.01)
         if self.initial_pose is not None:
             check_array("initial_pose", self.initial_pose, (3,))
 
