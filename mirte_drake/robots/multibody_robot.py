@@ -36,8 +36,9 @@ class MultibodyRobotConfig:
     delay: float = 0.0  # [s] Added to that of the motors; together rounded to whole time steps.
     # [s] 32 k steps of 0.1 s / 32 are exactly the float k * 0.1, where a sensor or controller
     # samples. 20 k steps of 0.005 s are not, in the last bit: some samples come a step early or
-    # late, and the velocity at a steady command jumps by 5 %. The true pose in closed loop had not
-    # converged at 0.005 s either.
+    # late, and a velocity at a steady command differs by as much as the step's share of 0.1 s.
+    # Where slip takes the true pose, behind an odometry that hides it, converges with no step: in
+    # closed loop its RMSE on a circle lies anywhere in 4 to 36 mm for steps of 0.005 to 0.0008 s.
     time_step: float = 0.1 / 32
     # (3,) [m, m, rad] or null: the first pose of the reference.
     initial_pose: np.ndarray | None = None
