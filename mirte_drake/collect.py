@@ -11,6 +11,7 @@ from pydrake.systems.primitives import ZeroOrderHold
 
 from mirte_drake.assembly import AddRobot
 from mirte_drake.control.excitation import ExcitationConfig
+from mirte_drake.errors import UserError
 from mirte_drake.robots.odometry_sensor import OdometrySensorConfig
 from mirte_drake.robots.robot_ports import RobotPorts
 from mirte_drake.scenario import Scenario
@@ -86,7 +87,7 @@ def collect_scenario(
     scenario: Scenario,
     excitation: ExcitationConfig,
     *,
-    seed: int = 0,
+    seed: int | None = None,
     on_sample: Callable[[], object] = lambda: None,
 ) -> Collected:
     """Drives the robot of a scenario from its start pose, without disturbance; see ``collect``.
@@ -94,14 +95,27 @@ def collect_scenario(
     Args:
         scenario: Whose robot it is.
         excitation: Settings of algorithm 1.
-        seed: Seed >= 0 of the excitation and of the odometry's jitter.
+        seed: Seed >= 0 of the excitation and of the odometry's jitter; None: the scenario's.
         on_sample: Called after each row, for a progress bar.
 
     Raises:
+        UserError: when its odometry is late, or does not come with the rows.
         ValueError: when the robot, ``excitation`` or ``seed`` is out of range.
     """
     # Odometry is what is recorded, so that a robot without it gets one.
     odometry = scenario.measuring_odometry or OdometrySensorConfig()
+    # The velocity of a row is the mean since the row before, under the command held there.
+    if odometry.latency > 0:
+        raise UserError(
+            f"odometry.latency: must be 0 s for a recording, got {odometry.latency}: a row would "
+            "not belong to its commands"
+        )
+    if odometry.period != PERIOD:
+        raise UserError(
+            f"odometry.period: must be {PERIOD} s for a recording, the time between its rows, "
+            f"got {odometry.period}"
+        )
+    seed = scenario.seed if seed is None else seed
     scenario = dc.replace(scenario, odometry=odometry, seed=seed)
     return collect(
         lambda builder: AddRobot(builder, scenario),

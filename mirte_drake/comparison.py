@@ -58,7 +58,7 @@ class Outcome:
     successor_inside: float
     saturation: float  # A wheel is at the limit.
     oscillation: float  # [1/s] Sign changes of a wheel command's increments, mean over wheels.
-    solve_failures: float  # Number of samples.
+    solve_failures: int  # Number of samples.
 
 
 FIELDS = tuple(field.name for field in dc.fields(Outcome))
@@ -163,7 +163,10 @@ def _share_inside(pose: np.ndarray, center: np.ndarray, half_width: np.ndarray) 
 
 
 def comparison(todo: Sequence[Trial], outcomes: Sequence[Outcome]) -> dict[str, object]:
-    """Returns the medians over the seeds of every scenario on every robot, for a JSON file."""
+    """Returns the medians over the seeds of every scenario on every robot, for a JSON file.
+
+    Solve failures are summed: a median would hide those of a few runs.
+    """
     cells: dict[tuple[str, str], list[Outcome]] = {}
     for trial, result in zip(todo, outcomes, strict=True):
         cells.setdefault((trial.scenario, trial.robot), []).append(result)
@@ -174,6 +177,7 @@ def comparison(todo: Sequence[Trial], outcomes: Sequence[Outcome]) -> dict[str, 
                 "robot": robot,
                 "runs": len(results),
                 **{key: _median([getattr(result, key) for result in results]) for key in FIELDS},
+                "solve_failures": sum(result.solve_failures for result in results),
             }
             for (scenario, robot), results in cells.items()
         ],

@@ -66,7 +66,8 @@ class Scenario:
     # A multibody robot has no input for it: what disturbs that one is its floor.
     disturbance: DisturbanceConfig = dc.field(default_factory=UniformDisturbance)
     robot: RobotConfig = dc.field(default_factory=SindycRobotConfig)
-    # null: the robot's own, see ``measuring_odometry``.
+    # null: the robot's own, see ``measuring_odometry``. In a file it is another one from its
+    # defaults on; ``--set odometry.latency=0.05`` changes the one that the robot would have.
     odometry: OdometrySensorConfig | None = None
     # Of the simulated robot; null: its own, 0.01 of a dynamic robot, 1e-6 of the others.
     integration_accuracy: float | None = None
@@ -201,7 +202,8 @@ def load_scenario(name_or_path: str, overrides: Sequence[str] = ()) -> Scenario:
 
     Args:
         name_or_path: A name out of ``scenario_names``, or the path of a YAML file.
-        overrides: Later values, each as ``path.to.field=value``, the value in YAML.
+        overrides: Later values, each as ``path.to.field=value``, the value in YAML; a relative
+            path begins in the working directory.
 
     Raises:
         UserError: naming file or option, field, value and remedy.
@@ -212,7 +214,8 @@ def load_scenario(name_or_path: str, overrides: Sequence[str] = ()) -> Scenario:
     if error:
         raise UserError(f"{path}: {error}")
     culprit = ""
-    for override in overrides:
+    # What the odometry is without change depends on the robot, so that it comes after it.
+    for override in sorted(overrides, key=lambda override: override.strip().startswith("odometry")):
         scenario = _override(scenario, override)
         # Two overrides may need each other, so only the last state must be right.
         culprit = (culprit or override) if _problem(scenario) else ""
@@ -239,7 +242,10 @@ def _load_with_bases(path: Path, seen: tuple[Path, ...]) -> Scenario:
 
 
 def _resolve_paths(scenario: Scenario, folder: Path) -> None:
-    """Makes the paths in a scenario file absolute: they are meant from that file's folder."""
+    """Makes paths absolute, so that a scenario as it was run runs again from elsewhere.
+
+    Those in a scenario file are meant from its folder, those of overrides from the working one.
+    """
 
     def resolved(name_or_path: str) -> str:
         is_path = name_or_path.endswith((".yaml", ".yml"))
@@ -271,7 +277,11 @@ def _override(scenario: Scenario, override: str) -> Scenario:
     for key, part in zip(reversed(keys), reversed(parts), strict=True):
         kind = f"!{type(part).__name__} " if isinstance(part, KINDS) else ""
         text = f"{kind}{{{key}: {text}}}"
-    return parse_typed(Scenario, text, origin, defaults=scenario)
+    if keys[0] == "odometry":
+        scenario = dc.replace(scenario, odometry=scenario.measuring_odometry)
+    scenario = parse_typed(Scenario, text, origin, defaults=scenario)
+    _resolve_paths(scenario, Path())
+    return scenario
 
 
 def _problem(scenario: Scenario) -> str:

@@ -32,6 +32,15 @@ def test_same_command_same_file(tmp_path, capsys):
     assert contents[0] == contents[1] != contents[2]
 
 
+def test_seed_of_the_scenario_is_the_default(tmp_path, capsys):
+    contents = []
+    for seed, name in ((("--set", "seed=3"), "a.csv"), (("--seed", 3), "b.csv"), ((), "c.csv")):
+        file = tmp_path / name
+        run_cli(capsys, "collect", "circle", *SHORT, *seed, "--output", file)
+        contents.append(file.read_bytes())
+    assert contents[0] == contents[1] != contents[2]
+
+
 def test_default_file_and_settings_of_the_scenario(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     code, out, _ = run_cli(
@@ -61,10 +70,14 @@ def test_a_model_is_identified_from_it(tmp_path, capsys):
         (["collect", "circle", "--duration", "nan"], ["--duration", "finite"]),
         (["collect", "circle", "--duration", "1.5"], ["16 rows", "at least 20", "longer"]),
         (["collect", "circle", "--seed", "-1"], ["--seed"]),
+        (["collect", "circle", "--set", "odometry.latency=0.05"],
+         ["odometry.latency", "must be 0", "0.05"]),
+        (["collect", "circle", "--robot", "dynamic", "--set", "odometry.period=0.05"],
+         ["odometry.period", "must be 0.1", "0.05"]),
         (["collect", "circle", "--set", "robot.model=none"], ["robot.model", "none"]),
         (["collect", "circle", *SHORT, "--output", "/dev/null/x.csv"], ["cannot be written"]),
     ],
-)
+)  # fmt: skip
 def test_wrong_use_is_one_clear_line_and_code_2(arguments, words, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     check_wrong_use(capsys, arguments, words)

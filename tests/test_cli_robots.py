@@ -72,6 +72,7 @@ def test_compare_writes_table_medians_and_runs(tmp_path, capsys):
         *(("rectangle", "sindyc"), ("rectangle", "dynamic")),
         *(("baseline_circle", "sindyc"), ("baseline_circle", "dynamic")),
     ]
+    assert "Failed solves: 0 in 8 runs" in out
     for row in rows:
         assert any(tuple(line.split()[:2]) == row for line in out.splitlines())
     assert len((tmp_path / "runs.csv").read_text().splitlines()) == 1 + 4 * 2

@@ -129,6 +129,17 @@ def test_seeds_repeat_and_differ():
     assert np.any(first.wheel_command != other.wheel_command)
 
 
+def test_the_seed_is_the_scenarios_unless_given():
+    seeded = dc.replace(scenario(), seed=3)
+    commands = [
+        collect_scenario(seeded, SHORT).wheel_command,
+        collect_scenario(scenario(), SHORT, seed=3).wheel_command,
+        collect_scenario(seeded, SHORT, seed=0).wheel_command,
+    ]
+    np.testing.assert_array_equal(commands[0], commands[1])
+    assert np.any(commands[0] != commands[2])
+
+
 def test_every_row_is_announced():
     calls = []
     collect(counting, SHORT, on_sample=lambda: calls.append(1))

@@ -147,6 +147,13 @@ def test_medians_by_scenario_and_robot():
     assert text[4].split() == "baseline_circle dynamic 350 0 0 0 0 0 - 0.0 0.0 0.00".split()
 
 
+def test_solve_failures_are_summed():
+    todo = [*trials(["rectangle"], ["sindyc"], 3), *trials(["baseline_circle"], ["sindyc"], 2)]
+    outcomes = [dc.replace(BLANK, solve_failures=number) for number in (0, 7, 0, 1, 2)]
+    medians = comparison(todo, outcomes)["medians"]
+    assert [row["solve_failures"] for row in medians] == [7, 3]
+
+
 def test_every_run_is_a_line_of_the_file(tmp_path):
     todo = trials(["rectangle"], ["sindyc"], 2)
     outcomes = [dc.replace(BLANK, y_m=0.25), dc.replace(BLANK, oscillation=1.5)]

@@ -6,6 +6,7 @@ import pytest
 from mirte_drake.assembly import MakeDiagram
 from mirte_drake.control.reference_paths import CirclePath, RectanglePath, VelocityLegsPath
 from mirte_drake.errors import UserError
+from mirte_drake.model.model_file import IDENTIFIED_MODELS
 from mirte_drake.model.robot_file import load_robot_file, save_robot_file
 from mirte_drake.robots.odometry_sensor import OdometrySensorConfig
 from mirte_drake.robots.sindyc_robot import SindycRobotConfig
@@ -110,6 +111,17 @@ def test_null_odometry_is_the_robots_own():
     assert given.measuring_odometry == OdometrySensorConfig(latency=0.05)
 
 
+@pytest.mark.parametrize("kind", ["Dynamic", "Multibody"])
+@pytest.mark.parametrize("override", ["odometry.latency=0.05", "odometry={latency: 0.05}"])
+@pytest.mark.parametrize("turn", [1, -1])
+def test_changed_odometry_keeps_the_rest_of_the_robots_own(kind, override, turn):
+    overrides = [f"robot=!{kind}RobotConfig {{}}", override][::turn]
+    changed = load_scenario("rectangle", overrides).measuring_odometry
+    assert changed == OdometrySensorConfig(latency=0.05, jitter=JITTER)
+    given = load_scenario("rectangle", [*overrides, "odometry.jitter=0"]).measuring_odometry
+    assert given == OdometrySensorConfig(latency=0.05)
+
+
 def test_null_accuracy_is_the_robots_own():
     kinds = {"Sindyc": 1e-6, "Dynamic": 1e-2, "Multibody": 1e-6}
     for kind, accuracy in kinds.items():
@@ -175,7 +187,23 @@ def test_duration_and_steps():
         ("robot=!DynamicRobotConfig {robot: magic}", ["robot.robot", "magic", "fitted"]),
         ("robot=!DynamicRobotConfig {payload: -1}", ["robot.payload", ">= 0"]),
         ("robot=!MultibodyRobotConfig {floor_friction: 0}", ["robot.floor_friction", "> 0"]),
+        (
+            "robot=!MultibodyRobotConfig {motors: drifting, motor_parameters: {delay: 0.1}}",
+            ["robot.motor_parameters", "'drifting'", "field delay"],
+        ),
         ("odometry.jitter=1", ["odometry.jitter", "<= 0.1"]),
+        ("odometry.latency=3", ["odometry.latency", "<= 2", "got 3"]),
+        ("odometry={period: 0.0001}", ["odometry.period", ">= 0.001", "got 0.0001"]),
+        ("robot=!DynamicRobotConfig {delay: 3}", ["robot.delay", "<= 2", "got 3"]),
+        ("robot=!MultibodyRobotConfig {delay: 3}", ["robot.delay", "<= 2", "got 3"]),
+        (
+            "robot=!MultibodyRobotConfig {motor_parameters: {delay: 3}}",
+            ["robot.motor_parameters.delay", "<= 2", "got 3"],
+        ),
+        (
+            "robot=!MultibodyRobotConfig {time_step: 0.00001}",
+            ["robot.time_step", ">= 0.0001", "got 1e-05"],
+        ),
         ("integration_accuracy=0", ["integration_accuracy", "> 0"]),
         ("reference=!Spiral {}", ["reference", "Spiral"]),
         ("reference=!VelocitySetpointConfig {}", ["duration", "must be given"]),
@@ -271,6 +299,31 @@ def test_paths_of_robots_are_meant_from_the_files_folder(tmp_path, monkeypatch):
     (folder / "mine.yaml").write_text("robot: !DynamicRobotConfig {robot: own.yaml}\n")
     monkeypatch.chdir(tmp_path)
     assert load_scenario("deep/mine.yaml").robot.robot == str((folder / "own.yaml").resolve())
+
+
+def test_paths_of_overrides_hold_from_another_folder(tmp_path, monkeypatch):
+    there, elsewhere = tmp_path / "there", tmp_path / "elsewhere"
+    for folder in (there, elsewhere):
+        folder.mkdir()
+    (there / "own.yaml").write_text((IDENTIFIED_MODELS / "kinematic.yaml").read_text())
+    save_robot_file(load_robot_file("clean"), there / "robot.yaml")
+    (there / "noise.csv").write_text("0.01,0,0\n")
+    for robot in (["robot.model=own.yaml"], ["robot=!DynamicRobotConfig {robot: robot.yaml}"]):
+        monkeypatch.chdir(there)
+        scenario = load_scenario(
+            "rectangle",
+            [
+                *robot,
+                "prediction_model=own.yaml",
+                "disturbance=!RecordedDisturbance {file: ../there/noise.csv}",
+            ],
+        )
+        write_typed(scenario, elsewhere / "as_run.scenario.yaml")
+        monkeypatch.chdir(elsewhere)
+        again = load_scenario("as_run.scenario.yaml")
+        assert repr(again) == repr(scenario)
+        assert again.prediction_model == str((there / "own.yaml").resolve())
+        assert again.disturbance.file == (there / "noise.csv").resolve()
 
 
 def test_models_that_do_not_fit_the_wheels_or_cannot_be_driven(tmp_path):

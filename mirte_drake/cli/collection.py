@@ -21,9 +21,7 @@ from mirte_drake.errors import UserError
 @click.option(
     "--seed",
     type=click.IntRange(min=0),
-    default=0,
-    show_default=True,
-    help="Of excitation and jitter.",
+    help="Of excitation and jitter.  [default: the scenario's]",
 )
 @robot_option
 @set_option
@@ -35,7 +33,7 @@ from mirte_drake.errors import UserError
 def collect(
     name: str,
     duration: float,
-    seed: int,
+    seed: int | None,
     robot: tuple[str, ...],
     overrides: tuple[str, ...],
     output: Path | None,

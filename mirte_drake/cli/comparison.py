@@ -45,7 +45,8 @@ def compare(
     Prints medians over the seeds: RMSE of the measured and of the true pose; the share of samples
     at which the true pose is in the tube, at which the measured one is where the sample before
     predicted it, and at which a wheel is at its limit; how often a command's increments change
-    their sign. Writes them as comparison.json, and every run as runs.csv.
+    their sign. Below stands how many solves failed in all runs. Writes comparison.json, and every
+    run as runs.csv.
     """
     from mirte_drake.comparison import (
         SCENARIOS,
@@ -67,4 +68,6 @@ def compare(
         write_json(summary, results / "comparison.json")
         save_runs(todo, outcomes, results / "runs.csv")
     click.echo(comparison_text(summary))
+    failures = sum(result.solve_failures for result in outcomes)
+    click.echo(f"Failed solves: {failures} in {len(todo)} runs")
     click.echo(f"Written to {folder}")

@@ -13,6 +13,7 @@ from mirte_drake.geometry import PWM_SPEED
 from mirte_drake.vectors import WHEELS
 
 MAX_COMMAND = 100.0  # [pwm] Saturation of (2-4).
+MAX_DELAY = 2.0  # [s] Beyond any robot; what a simulation stores grows with it.
 DIRECTIONS = ("forward", "backward")
 
 BY_DIRECTION = (len(DIRECTIONS), len(WHEELS))
@@ -44,7 +45,7 @@ class DrivetrainParameters:
         check_array("lag", self.lag, (len(WHEELS),), minimum=0)
         if np.any(self.lag == 0):
             raise ValueError(f"lag: must be > 0 s, got {self.lag.tolist()}")
-        check_number("delay", self.delay, minimum=0)
+        check_number("delay", self.delay, minimum=0, maximum=MAX_DELAY)
 
 
 def drive_speed(drivetrain: DrivetrainParameters, command: np.ndarray) -> np.ndarray:

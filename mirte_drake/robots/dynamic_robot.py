@@ -16,6 +16,7 @@ from mirte_drake.angles import rotation
 from mirte_drake.checks import check_array, check_number
 from mirte_drake.errors import UserError
 from mirte_drake.geometry import wheel_speeds
+from mirte_drake.model.drivetrain import MAX_DELAY
 from mirte_drake.model.dynamic_model import (
     BODY_VELOCITY,
     POSE,
@@ -54,7 +55,7 @@ class DynamicRobotConfig:
         check_number("gain_factor", self.gain_factor, above=0)
         check_number("friction_factor", self.friction_factor, minimum=0)
         if self.delay is not None:
-            check_number("delay", self.delay, minimum=0)
+            check_number("delay", self.delay, minimum=0, maximum=MAX_DELAY)
 
     def parameters(self) -> DynamicParameters:
         """Returns the parameters of the robot that is configured."""

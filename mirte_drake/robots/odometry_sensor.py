@@ -15,6 +15,7 @@ from pydrake.systems.framework import (
 from mirte_drake.angles import rotation
 from mirte_drake.checks import check_array, check_number
 from mirte_drake.geometry import WHEEL_RADIUS, body_velocity
+from mirte_drake.model.drivetrain import MAX_DELAY
 from mirte_drake.vectors import POSE, POSE_SIZE, WHEELS, YAW
 
 
@@ -34,8 +35,8 @@ class OdometrySensorConfig:
     def validate(self) -> None:
         """Raises ValueError when a value is out of range."""
         check_number("ticks_per_revolution", self.ticks_per_revolution, minimum=1)
-        check_number("period", self.period, above=0)
-        check_number("latency", self.latency, minimum=0)
+        check_number("period", self.period, minimum=1e-3)
+        check_number("latency", self.latency, minimum=0, maximum=MAX_DELAY)
         check_number("jitter", self.jitter, minimum=0, maximum=self.period)
         check_number("wheel_radius", self.wheel_radius, above=0)
 

@@ -6,7 +6,7 @@ from pydrake.systems.framework import DiagramBuilder
 from mirte_drake.robots.dynamic_robot import DynamicRobotConfig
 from mirte_drake.robots.measured_robot import AddMeasuredRobot, MakeMeasuredRobot
 from mirte_drake.robots.multibody_robot import MultibodyRobotConfig
-from mirte_drake.robots.odometry_sensor import OdometrySensorConfig
+from mirte_drake.robots.odometry_sensor import OdometrySensorConfig, body_increment
 from mirte_drake.robots.sindyc_robot import SindycRobotConfig
 
 ROBOTS = {
@@ -89,6 +89,20 @@ def test_odometry_follows_the_truth_where_wheels_do_not_slip(name):
     # One tick is 0.24 mm at the rim; rollers slip by some per cent, and SINDYc's yaw rate turns
     # the path by what rounding of the yaw costs.
     np.testing.assert_allclose(read(simulator, "pose"), read(simulator, "true_pose"), atol=0.03)
+
+
+def test_samples_of_the_multibody_robot_come_at_its_steps():
+    """No sample is a step early or late: at a steady command all are as far apart."""
+    config = OdometrySensorConfig()
+    simulator = drive(make("multibody_robot", start=np.zeros(3)), np.full(4, 50.0), 1.5)
+    velocity, x = [], []
+    for k in range(16, 61):
+        simulator.AdvanceTo(k * 0.1)
+        velocity.append(read(simulator, "body_velocity")[0])
+        x.append(read(simulator, "true_pose")[0])
+    quantum = body_increment(np.ones(4), config)[0] / config.period
+    assert np.ptp(velocity) <= 1.1 * quantum
+    np.testing.assert_allclose(np.diff(x), np.diff(x).mean(), rtol=1e-3)
 
 
 @robots

@@ -129,7 +129,7 @@ def test_body_velocity_is_the_derivative_of_the_pose_in_the_body_frame():
     command = FORWARD + 0.2 * TURN
     drive.run(command, 1.0)
     before = drive.read("true_pose")
-    pose, velocity = drive.run(command, 0.1, every=0.005).values()
+    pose, velocity = drive.run(command, 0.1, every=0.0125).values()
     middle_yaw = (before[YAW] + pose[-1][YAW]) / 2
     mean = rotation(middle_yaw).T @ (pose[-1] - before) / 0.1
     np.testing.assert_allclose(velocity.mean(axis=0), mean, atol=2e-3)
@@ -271,12 +271,19 @@ def test_interleaved_simulators_do_not_disturb_each_other():
 
 def test_delay_of_the_drivetrain_shifts_the_motion():
     command, lag = np.full(4, 50.0), np.full(4, 0.16)
-    late = Drive(motor_parameters=DrivetrainParameters(lag=lag, delay=0.05))
+    late = Drive(motor_parameters=DrivetrainParameters(lag=lag, delay=0.03), delay=0.02)
     prompt = Drive(motor_parameters=DrivetrainParameters(lag=lag))
-    moved = late.run(command, 0.35, every=0.005)["pose"][:, 0]
-    expected = prompt.run(command, 0.3, every=0.005)["pose"][:, 0]
-    np.testing.assert_allclose(moved[10:], expected, rtol=0, atol=1e-5)
-    assert np.abs(moved[:10]).max() < 1e-6 and moved[-1] > 0.05
+    moved = late.run(command, 0.35, every=0.0125)["pose"][:, 0]
+    expected = prompt.run(command, 0.3, every=0.0125)["pose"][:, 0]
+    np.testing.assert_allclose(moved[4:], expected, rtol=0, atol=1e-5)
+    assert np.abs(moved[:4]).max() < 1e-6 and moved[-1] > 0.05
+
+
+def test_delay_is_added_to_the_named_motors():
+    late, prompt = Drive(motors="drifting", delay=0.1), Drive(motors="drifting")
+    moved, expected = late.run(FORWARD, 0.6, every=0.1), prompt.run(FORWARD, 0.5, every=0.1)
+    np.testing.assert_allclose(moved["pose"][1:], expected["pose"], rtol=0, atol=1e-5)
+    assert moved["pose"][-1, 0] > 0.1
 
 
 def test_config_loads_from_yaml():
@@ -303,6 +310,11 @@ def test_config_loads_from_yaml():
         ("slope", {"slope": np.array([1.0, 0.0])}),
         ("motors", {"motors": "dirty"}),
         ("motor_parameters.lag", {"motor_parameters": DrivetrainParameters(lag=np.zeros(4))}),
+        (
+            "motor_parameters",
+            {"motor_parameters": DrivetrainParameters(), "motors": "drifting"},
+        ),
+        ("delay", {"delay": -0.1}),
         ("time_step", {"time_step": 0.0}),
         ("time_step", {"time_step": 0.1}),
         ("initial_pose", {"initial_pose": np.zeros(2)}),
