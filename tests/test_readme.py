@@ -84,7 +84,7 @@ def test_the_comparison_has_every_scenario_on_every_robot():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scenario", ["rectangle", "baseline_turning_circle"])
+@pytest.mark.parametrize("scenario", ["rectangle"])
 def test_the_comparison_is_what_the_command_gives(scenario):
     todo = trials([scenario], ROBOTS, runs=20)
     text = comparison_text(comparison(todo, run_trials(todo)))
