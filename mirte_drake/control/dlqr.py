@@ -4,7 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
-from mirte_drake.control.riccati import is_positive_definite, solve_dare
+from mirte_drake.control.riccati import solve_dare
 from mirte_drake.model.prediction_model import PredictionModel
 from mirte_drake.model.term_table import dense
 from mirte_drake.vectors import POSE, YAW
@@ -44,10 +44,9 @@ def solve_dlqr(
             or (A, B) cannot be stabilised.
     """
     A, B, Q, R = dense(A), dense(B), dense(Q), dense(R)
-    K, P, residual, stable = solve_dare(A, B, Q, R)
-    if stable and residual <= LARGEST_RESIDUAL and (Q == Q.T).all() and (R == R.T).all():
-        if is_positive_definite(Q) and is_positive_definite(R):
-            return K, P
+    K, P, residual, sound = solve_dare(A, B, Q, R)
+    if sound and residual <= LARGEST_RESIDUAL:
+        return K, P
     if not all(np.all(np.isfinite(matrix)) for matrix in (A, B, Q, R)):
         raise ValueError("DLQR: a matrix is not finite")
     for name, weight in (("Q", Q), ("R", R)):

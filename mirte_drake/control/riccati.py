@@ -89,7 +89,9 @@ def is_positive_definite(matrix: np.ndarray) -> bool:
 def solve_dare(
     A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float, bool]:
-    """Returns K (m, n), P (n, n), the relative residual of (4-13), and whether A - B K is stable.
+    """Returns K (m, n), P (n, n), the relative residual of (4-13), and whether all is sound.
+
+    That is: the weights are symmetric and positive definite, and A - B K is stable.
 
     A doubling step (Chu, Fan, Lin, Wang 2004) squares the number of samples that P covers.
     Stability is proven, not assumed: P and P - (A - B K)' P (A - B K) must be positive definite
@@ -111,5 +113,7 @@ def solve_dare(
     P_closed_loop = _product(P, closed_loop)
     residual = _transposed_product(A, P_closed_loop) + Q - P
     decrease = P - _transposed_product(closed_loop, P_closed_loop)
-    stable = is_positive_definite(P) and is_positive_definite(decrease)
-    return K, P, _largest(residual) / _largest(P), stable
+    sound = is_positive_definite(P) and is_positive_definite(decrease)
+    sound = sound and _largest(Q - Q.T) == 0.0 and is_positive_definite(Q)
+    sound = sound and _largest(R - R.T) == 0.0 and is_positive_definite(R)
+    return K, P, _largest(residual) / _largest(P), sound

@@ -232,13 +232,25 @@ def pose(
     upper: np.ndarray,
     previous_input: np.ndarray,
     rate_limit: np.ndarray,
+    n: int,
+    N: int,
     first: int,
 ) -> tuple:
     """Returns everything that a sample's data say before a decision vector is known.
 
-    First whether there is a problem: finite numbers, no negative half-width, no crossing bounds.
-    Then the references, ``input_limits``, whether a rate was raised, and ``constraint_bounds``.
+    First whether there is a problem: shapes that fit n states and N stages, finite numbers, no
+    negative half-width, no crossing bounds. Then the references, ``input_limits``, whether a rate
+    was raised, and ``constraint_bounds``.
     """
+    m = len(rate_limit)
+    if not (
+        state.shape == half_width.shape == (n,)
+        and window.shape == (N + 1, 3)
+        and lower.shape == upper.shape == (N, m)
+        and previous_input.shape == (m,)
+    ):
+        nothing, none = np.empty((0, m)), np.empty(0)
+        return False, nothing, nothing, nothing, nothing, False, none, none
     sound = all_finite(state) and all_finite(window) and all_finite(half_width)
     sound = sound and all_finite(lower) and all_finite(upper) and all_finite(previous_input)
     sound = sound and bool(np.all(half_width >= 0.0)) and bool(np.all(lower <= upper))

@@ -63,12 +63,6 @@ class TrackingProblem:
                 object.__setattr__(self, field.name, array)
 
     @property
-    def data_shapes(self) -> tuple[tuple[int, ...], ...]:
-        """Shapes of the fields of ``TrackingData``."""
-        n, m, N = self.model.num_states, self.model.num_inputs, self.horizon
-        return ((n,), (N + 1, 3), (n,), (N, m), (N, m), (m,))
-
-    @property
     def size(self) -> int:
         """Length of the decision vector."""
         return self.model.num_states + self.horizon * self.model.num_inputs
@@ -77,6 +71,17 @@ class TrackingProblem:
     def weights(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Q, R, R_d and P."""
         return self.state_weight, self.input_weight, self.rate_weight, self.terminal_weight
+
+
+# Of the fields of TrackingData.
+DIMENSIONS = {
+    "state": 1,
+    "reference": 2,
+    "half_width": 1,
+    "input_lower": 2,
+    "input_upper": 2,
+    "previous_input": 1,
+}
 
 
 @dc.dataclass(frozen=True)
@@ -91,9 +96,16 @@ class TrackingData:
     previous_input: np.ndarray  # (m,) [pwm] last nominal input.
 
     def __post_init__(self) -> None:
-        """Brings the arrays into the form that compiled code takes."""
-        for field in dc.fields(self):
-            object.__setattr__(self, field.name, dense(getattr(self, field.name)))
+        """Brings the arrays into the form that compiled code takes.
+
+        Raises:
+            ValueError: when one has not the dimensions that it must have.
+        """
+        for name, dimensions in DIMENSIONS.items():
+            array = dense(getattr(self, name))
+            if array.ndim != dimensions:
+                raise ValueError(f"problem data: {name} must have {dimensions} dimensions")
+            object.__setattr__(self, name, array)
 
     def is_finite(self) -> bool:
         """Whether every number is finite."""
@@ -164,9 +176,6 @@ def pose(problem: TrackingProblem, data: TrackingData) -> PosedProblem:
         ValueError: when a shape does not fit, a number is not finite, a half-width negative, or a
             lower bound above its upper one.
     """
-    shapes = tuple(array.shape for array in vars(data).values())
-    if shapes != problem.data_shapes:
-        raise ValueError(f"problem data: shapes must be {problem.data_shapes}, got {shapes}")
     sound, *posed = tracking_kernels.pose(
         data.state,
         data.reference,
@@ -175,15 +184,22 @@ def pose(problem: TrackingProblem, data: TrackingData) -> PosedProblem:
         data.input_upper,
         data.previous_input,
         problem.rate_limit,
+        problem.model.num_states,
+        problem.horizon,
         int(problem.aligned),
     )
     if not sound:
-        raise ValueError(_unsound(data))
+        raise ValueError(_unsound(problem, data))
     return PosedProblem(data, *posed)
 
 
-def _unsound(data: TrackingData) -> str:
+def _unsound(problem: TrackingProblem, data: TrackingData) -> str:
     """Returns why no solver can work with these data."""
+    n, m, N = problem.model.num_states, problem.model.num_inputs, problem.horizon
+    fitting = ((n,), (N + 1, 3), (n,), (N, m), (N, m), (m,))
+    shapes = tuple(array.shape for array in vars(data).values())
+    if shapes != fitting:
+        return f"problem data: shapes must be {fitting}, got {shapes}"
     if not data.is_finite():
         return "measurement or problem data not finite"
     if (data.half_width < 0).any():

@@ -305,7 +305,7 @@ def test_problem_of_wrong_shape(problem, name):
 
 @pytest.mark.parametrize("name", ["reference", "half_width", "previous_input", "input_lower"])
 def test_data_of_wrong_shape(problem, make_data, name):
-    with pytest.raises(ValueError, match="problem data: shapes must be"):
+    with pytest.raises(ValueError, match="problem data: "):
         pose(problem, make_data(**{name: np.zeros(1)}))
 
 
