@@ -4,16 +4,13 @@ The same problem as ``tracking_problem`` states it, with the states as variables
 inputs: x_{i+1} = RK4(x_i, u_i) are constraints, and the cost is a plain quadratic form.
 """
 
-import dataclasses as dc
 import time
-from collections.abc import Callable
-from functools import partial
 from types import ModuleType
-from typing import Any
 
 import numpy as np
 
-from mirte_drake.control.nmpc_solution import NmpcSolution
+from mirte_drake.benchmark.casadi_transcription import step_function, transcribe
+from mirte_drake.control.nmpc_solution import NmpcSolution, solution_at
 from mirte_drake.control.tracking_problem import (
     PosedProblem,
     TrackingData,
@@ -23,10 +20,7 @@ from mirte_drake.control.tracking_problem import (
     split,
 )
 from mirte_drake.errors import UserError
-from mirte_drake.model.candidate_library import COS, HEADING, SIN
-from mirte_drake.model.integration import rk4_step
 from mirte_drake.model.sparse_model import SparseModel
-from mirte_drake.vectors import POSE, POSE_SIZE
 
 METHODS = ("casadi_ipopt", "casadi_sqp_hpipm")
 CASADI_HINT = "needs the package casadi: pip install mirte-drake[benchmark]"
@@ -64,19 +58,6 @@ HPIPM_OPTIONS = {
 }
 
 
-@dc.dataclass(frozen=True)
-class _Transcription:
-    """The nonlinear program, and where in its variables to find what."""
-
-    program: dict[str, Any]  # x, f, g, p of ``casadi.nlpsol``.
-    states: np.ndarray  # (N + 1, n) indices of x_0 .. x_N.
-    inputs: np.ndarray  # (N, m) indices of u_0 .. u_{N-1}.
-    copies: np.ndarray  # (N - 1, m) indices of the copies of u_0 .. u_{N-2}; may be empty.
-    moves: np.ndarray  # (N - 1, m) indices in g of u_1 - u_0 ..; all else in g is an equation.
-    size: int
-    num_constraints: int
-
-
 class CasadiNmpc:
     """Solves a ``TrackingProblem`` with CasADi, nothing compiled.
 
@@ -110,9 +91,9 @@ class CasadiNmpc:
             raise ValueError(f"{problem.model.name}: CasADi needs a model of terms, a SparseModel")
         self._problem = problem
         ipopt = method == "casadi_ipopt"
-        step = _step(casadi, problem.model, problem.period)
+        step = step_function(casadi, problem.model, problem.period)
         self._roll_out = step.mapaccum(problem.horizon)
-        self._transcription = _transcribe(casadi, problem, step, lifted=not ipopt)
+        self._transcription = transcribe(casadi, problem, step, lifted=not ipopt)
         options = IPOPT_OPTIONS if ipopt else SQP_OPTIONS | _stages(problem)
         if tolerance is not None:
             names = ("ipopt.tol",) if ipopt else ("tol_pr", "tol_du")
@@ -135,9 +116,7 @@ class CasadiNmpc:
         start = time.perf_counter()
         z, posed, cost, iterations = guess, None, np.nan, 0
         try:
-            if not np.all(np.isfinite(guess)):
-                raise ValueError("guess not finite")
-            posed = pose(self._problem, data)
+            posed = pose(self._problem, data, guess)
             z, cost, iterations, message = self._solve(posed, guess)
             # Solvers meet bounds within their tolerance; here they are met exactly.
             z = posed.project(z)
@@ -145,17 +124,14 @@ class CasadiNmpc:
             message = f"CasADi: {str(error).strip().splitlines()[-1]}"
         if message:
             self._forget()
-        x0, inputs = split(self._problem, z)
-        states = np.vstack([x0, self._roll_out(x0, inputs.T).full().T])
-        return NmpcSolution(
-            success=not message,
-            message=message or (posed.note if posed else ""),
-            states=states,
-            inputs=inputs,
+        return solution_at(
+            self._problem,
+            posed,
+            z,
+            start=start,
             cost=cost,
             iterations=iterations,
-            solve_time=time.perf_counter() - start,
-            relaxed=posed is not None and posed.relaxed,
+            message=message,
         )
 
     def prepare(self, guess: np.ndarray) -> None:
@@ -223,82 +199,6 @@ def _import_casadi() -> ModuleType:
     return casadi
 
 
-def _transcribe(
-    casadi: ModuleType,
-    problem: TrackingProblem,
-    step: Callable[..., Any],
-    *,
-    lifted: bool,
-) -> _Transcription:
-    """Writes the nonlinear program, variables in the order x_0, u_0, x_1, u_1, ..., x_N.
-
-    Args:
-        casadi: The package.
-        problem: The problem.
-        step: Gives the next state of a state and an input.
-        lifted: Whether x_1 .. x_{N-1} are followed by a copy of the input before, so that no
-            constraint reaches over stages.
-    """
-    model, N = problem.model, problem.horizon
-    n, m = model.num_states, model.num_inputs
-    symbol = casadi.SX.sym
-    references, previous = symbol("r", POSE_SIZE, N), symbol("u_previous", m)
-    parameters = casadi.vertcat(casadi.vec(references), previous)
-    state = symbol("x0", n)
-    variables, constraints = [state], []
-    cost = 0.0
-    states, inputs, copies, moves = [np.arange(n)], [], [], []
-    size = {"x": n, "g": 0}
-
-    def new_indices(of: str, length: int) -> np.ndarray:
-        size[of] += length
-        return size[of] - length + np.arange(length)
-
-    def new_variable(name: str, length: int) -> tuple[Any, np.ndarray]:
-        variables.append(symbol(name, length))
-        return variables[-1], new_indices("x", length)
-
-    def constrain(expression: object, length: int) -> np.ndarray:
-        constraints.append(expression)
-        return new_indices("g", length)
-
-    for k in range(N):
-        u, indices = new_variable(f"u{k}", m)
-        inputs.append(indices)
-        successor = step(state, u)
-        state, indices = new_variable(f"x{k + 1}", n)
-        states.append(indices)
-        constrain(successor - state, n)
-        move = u - previous
-        previous = u
-        if lifted and k < N - 1:
-            previous, indices = new_variable(f"u{k}_copy", m)
-            copies.append(indices)
-            constrain(u - previous, m)
-        if k > 0:
-            moves.append(constrain(move, m))
-        error = state[POSE] - references[:, k]
-        cost += casadi.bilin(problem.state_weight, error, error)
-        cost += casadi.bilin(problem.input_weight, u, u)
-        cost += casadi.bilin(problem.rate_weight, move, move)
-    cost += casadi.bilin(problem.terminal_weight, error, error)
-    program = {
-        "x": casadi.vertcat(*variables),
-        "f": cost,
-        "g": casadi.vertcat(*constraints),
-        "p": parameters,
-    }
-    return _Transcription(
-        program=program,
-        states=np.array(states),
-        inputs=np.array(inputs),
-        copies=np.array(copies, dtype=int).reshape(-1, m),
-        moves=np.array(moves, dtype=int).reshape(-1, m),
-        size=size["x"],
-        num_constraints=size["g"],
-    )
-
-
 def _stages(problem: TrackingProblem) -> dict[str, object]:
     """Returns the options that tell HPIPM the sizes of every stage of the lifted program."""
     n, m, N = problem.model.num_states, problem.model.num_inputs, problem.horizon
@@ -309,27 +209,3 @@ def _stages(problem: TrackingProblem) -> dict[str, object]:
         "ng": [0, *[m] * (N - 1), 0],  # The rate constraints.
     }
     return {"qpsol": "hpipm", "qpsol_options": HPIPM_OPTIONS | sizes}
-
-
-def _step(casadi: ModuleType, model: SparseModel, period: float) -> Any:  # noqa: ANN401
-    """Returns the CasADi function of one sample with the input held (RK4)."""
-    x, u = casadi.SX.sym("x", model.num_states), casadi.SX.sym("u", model.num_inputs)
-    successor = rk4_step(partial(_derivative, casadi, model, u=u), x, period)
-    return casadi.Function("step", [x, u], [successor])
-
-
-def _derivative(casadi: ModuleType, model: SparseModel, x: Any, u: Any) -> Any:  # noqa: ANN401 SX
-    """Returns the model's state derivative, each coefficient times its term."""
-    values = dict(zip(model.states, casadi.vertsplit(x), strict=True))
-    values |= dict(zip(model.inputs, casadi.vertsplit(u), strict=True))
-    values |= {SIN: casadi.sin(values[HEADING]), COS: casadi.cos(values[HEADING])}
-    rows = []
-    for equation in model.equations:
-        row = casadi.SX(0)
-        for term, coefficient in equation.items():
-            product = casadi.SX(coefficient)
-            for factor in term:
-                product *= values[factor]
-            row += product
-        rows.append(row)
-    return casadi.vertcat(*rows)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from mirte_drake.cli.options import commands, robot_option, set_option
+from mirte_drake.cli.options import commands, file_option, robot_option, set_option
 from mirte_drake.errors import UserError
 
 
@@ -25,11 +25,7 @@ from mirte_drake.errors import UserError
 )
 @robot_option
 @set_option
-@click.option(
-    "--output",
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="Recording to write  [default: runs/NAME.csv]",
-)
+@file_option("Recording to write.", "runs/NAME.csv")
 def collect(
     name: str,
     duration: float,

@@ -9,18 +9,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mirte_drake.cli.options import commands, output_option
+from mirte_drake.cli.options import commands, file_option, output_option
+from mirte_drake.cli.recording import data_option, load_recording
 from mirte_drake.errors import UserError
 from mirte_drake.identification.model_structure import KINDS
 
 if TYPE_CHECKING:
     from mirte_drake.identification.recorded_run import RecordedRun
-
-data_option = click.option(
-    "--data",
-    type=click.Path(path_type=Path),
-    help="Recording: CSV file or ROS 2 bag. Without it, a synthetic recording.",
-)
 
 
 @commands.command()
@@ -50,11 +45,7 @@ data_option = click.option(
     type=click.Path(file_okay=False, path_type=Path),
     help="Folder to write figures of the recording and its derivative to.",
 )
-@click.option(
-    "--output",
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="Model file to write  [default: runs/MODEL.yaml]",
-)
+@file_option("Model file to write.", "runs/MODEL.yaml")
 def identify(
     data: Path | None,
     kind: str,
@@ -73,7 +64,7 @@ def identify(
     from mirte_drake.model.model_file import save_model_file
 
     output = output or Path("runs") / f"{kind}.yaml"
-    run = _load(data)
+    run = load_recording(data)
     chosen = _parse_thresholds(thresholds, kind) if thresholds else None
     if search:
         if thresholds:
@@ -135,7 +126,7 @@ def validate(
             f"--model: figures tell at most {MAX_MODELS} models apart, got {len(names)}; "
             "name fewer, or give --no-plots"
         )
-    run = _load(data, needs_excitation=False)
+    run = load_recording(data, needs_excitation=False)
     folder = output or Path("runs") / "validation" / (data.stem if data else "synthetic")
     results = {
         label: validate_model(load_model(name), run, integrator=integrator)
@@ -184,7 +175,7 @@ def disturbance(data: Path | None, model: str, level: float, output: Path | None
     )
     from mirte_drake.model.model_file import load_model
 
-    run = _load(data, needs_excitation=False)
+    run = load_recording(data, needs_excitation=False)
     folder = output or Path("runs") / "disturbance" / (data.stem if data else "synthetic")
     estimate = estimate_disturbance(load_model(model), run, level=level)
     write_json(disturbance_summary(estimate), folder / "summary.json")
@@ -231,18 +222,3 @@ def _save_training_figures(run: RecordedRun, mode: str, folder: Path) -> None:
         wheel_command=run.wheel_command,
         estimated_derivative=tvr_derivative(run.pose, run.period, mode),
     )
-
-
-def _load(data: Path | None, *, needs_excitation: bool = True) -> RecordedRun:
-    """Reads the recording, or makes a synthetic one, and says what was found in it."""
-    from mirte_drake.identification.recorded_run import check_excitation, load_recorded_run
-    from mirte_drake.identification.synthetic_recording import synthetic_recording
-
-    run = load_recorded_run(data) if data else synthetic_recording()
-    if needs_excitation:
-        check_excitation(run)
-    span = run.time[-1] - run.time[0]
-    click.echo(f"{run.source}: {len(run.time)} samples, {span:.1f} s", err=True)
-    for repair in run.repairs:
-        click.echo(f"  {repair}", err=True)
-    return run

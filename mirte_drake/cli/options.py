@@ -1,5 +1,6 @@
 """The command group, and what its commands share."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import click
@@ -12,6 +13,22 @@ output_option = click.option(
     type=click.Path(file_okay=False, path_type=Path),
     help="Folder to write to.",
 )
+
+
+def file_option(what: str, default: str) -> Callable:
+    """Returns the option ``--output`` of a command that writes one file.
+
+    Args:
+        what: Says what is written.
+        default: Where to, by default; the command fills in what stands in capitals.
+    """
+    return click.option(
+        "--output",
+        type=click.Path(dir_okay=False, path_type=Path),
+        help=f"{what}  [default: {default}]",
+    )
+
+
 set_option = click.option(
     "--set",
     "overrides",

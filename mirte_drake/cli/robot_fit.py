@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-from mirte_drake.cli.identification import _load, data_option
-from mirte_drake.cli.options import commands
+from mirte_drake.cli.options import commands, file_option
+from mirte_drake.cli.recording import data_option, load_recording
 from mirte_drake.errors import UserError
 
 
@@ -26,15 +26,9 @@ from mirte_drake.errors import UserError
     type=click.Path(file_okay=False, path_type=Path),
     help="Folder to write variations of the fitted robot to: gains, friction, payload.",
 )
-@click.option(
-    "--output",
-    type=click.Path(dir_okay=False, path_type=Path),
-    default=Path("runs") / "fitted.yaml",
-    show_default=True,
-    help="Robot file to write.",
-)
+@file_option("Robot file to write.", "runs/fitted.yaml")
 def fit_robot(
-    data: Path | None, others: tuple[Path, ...], seed: int, fleet: Path | None, output: Path
+    data: Path | None, others: tuple[Path, ...], seed: int, fleet: Path | None, output: Path | None
 ) -> None:
     """Fits drivetrain and dynamic robot to a recording, and writes them as YAML.
 
@@ -48,8 +42,9 @@ def fit_robot(
     from mirte_drake.model.fleet import fleet_files
     from mirte_drake.model.robot_file import save_robot_file
 
-    run = _load(data)
-    runs = {path.stem: _load(path, needs_excitation=False) for path in others}
+    output = output or Path("runs") / "fitted.yaml"
+    run = load_recording(data)
+    runs = {path.stem: load_recording(path, needs_excitation=False) for path in others}
     label = data.stem if data else "synthetic"
     if len(runs) < len(others) or label in runs:
         raise UserError("--validate: recordings must have names of their own")

@@ -12,7 +12,7 @@ from pydrake.solvers import (
     SolverOptions,
 )
 
-from mirte_drake.control.nmpc_solution import NmpcSolution
+from mirte_drake.control.nmpc_solution import NmpcSolution, solution_at
 from mirte_drake.control.tracking_problem import (
     PosedProblem,
     TrackingData,
@@ -92,9 +92,7 @@ class NmpcProgram:
         guess = dense(guess)
         z, posed, value, message = guess, None, np.nan, ""
         try:
-            if not np.all(np.isfinite(guess)):
-                raise ValueError("guess not finite")
-            posed = pose(self._problem, data)
+            posed = pose(self._problem, data, guess)
             result = self._solve(posed, guess)
         except (ValueError, RuntimeError) as error:  # LinAlgError is a ValueError.
             if self._interrupted:  # SNOPT makes a failed solve of Ctrl-C.
@@ -104,22 +102,16 @@ class NmpcProgram:
             value, message = result.get_optimal_cost(), _reason(result)
             # Solvers meet bounds within their tolerance; the tube and the input set exactly.
             z = posed.project(self._scaling @ result.get_x_val())
-        solve_time = time.perf_counter() - start
-        if solve_time > self._time_limit:
+        if time.perf_counter() - start > self._time_limit:
             message = self._time_limit_message
-        x0, inputs = split(self._problem, z)
-        states = self._problem.model.roll_out(x0, inputs, self._problem.period)
-        if not np.all(np.isfinite(states)):
-            message = message or "solution not finite"
-        return NmpcSolution(
-            success=not message,
-            message=message or (posed.note if posed else ""),
-            states=states,
-            inputs=inputs,
+        return solution_at(
+            self._problem,
+            posed,
+            z,
+            start=start,
             cost=value,
             iterations=self._evaluations,
-            solve_time=solve_time,
-            relaxed=posed is not None and posed.relaxed,
+            message=message,
         )
 
     def _solve(self, posed: PosedProblem, guess: np.ndarray) -> MathematicalProgramResult:

@@ -1,8 +1,11 @@
 """What every solver of the optimal control problem returns."""
 
 import dataclasses as dc
+import time
 
 import numpy as np
+
+from mirte_drake.control.tracking_problem import PosedProblem, TrackingProblem, split
 
 
 @dc.dataclass(frozen=True)
@@ -26,3 +29,40 @@ class NmpcSolution:
     def initial_state(self) -> np.ndarray:
         """Optimised nominal initial state xhat_k (n,)."""
         return self.states[0]
+
+
+def solution_at(
+    problem: TrackingProblem,
+    posed: PosedProblem | None,
+    z: np.ndarray,
+    *,
+    start: float,
+    cost: float = np.nan,
+    iterations: int = 0,
+    message: str = "",
+) -> NmpcSolution:
+    """Returns the solution with the decision vector z; its states are rolled out here.
+
+    Args:
+        problem: The problem.
+        posed: The sample's; None where it could not be posed.
+        z: (size,)
+        start: [s] of ``time.perf_counter`` when the solve began.
+        cost: At z.
+        iterations: So many were done.
+        message: Why the solve failed, or empty.
+    """
+    x0, inputs = split(problem, z)
+    states = problem.model.roll_out(x0, inputs, problem.period)
+    if not np.all(np.isfinite(states)):
+        message = message or "solution not finite"
+    return NmpcSolution(
+        success=not message,
+        message=message or (posed.note if posed else ""),
+        states=states,
+        inputs=inputs,
+        cost=cost,
+        iterations=iterations,
+        solve_time=time.perf_counter() - start,
+        relaxed=posed is not None and posed.relaxed,
+    )

@@ -12,7 +12,7 @@ import numpy as np
 
 from mirte_drake.control import tracking_kernels
 from mirte_drake.control.curvature import convex_hessian
-from mirte_drake.control.nmpc_solution import NmpcSolution
+from mirte_drake.control.nmpc_solution import NmpcSolution, solution_at
 from mirte_drake.control.quadratic_program import QuadraticProgram
 from mirte_drake.control.tracking_problem import (
     PosedProblem,
@@ -96,7 +96,7 @@ class RealtimeNmpc:
         self._reset()
         # Compiles here what is not compiled yet: no later solve has to wait for it.
         self.solve(data_at_rest(problem), np.zeros(problem.size))
-        self._failure("", np.zeros(problem.size), 0.0)
+        solution_at(problem, None, np.zeros(problem.size), start=0.0)
         self._reset()
 
     def prepare(self, guess: np.ndarray) -> None:
@@ -133,9 +133,7 @@ class RealtimeNmpc:
         ahead = self._prepared if self._is_prepared(guess) else None
         preparation = ahead.duration if ahead else 0.0
         try:
-            if not tracking_kernels.all_finite(guess):
-                raise ValueError("guess not finite")
-            posed = pose(self._problem, data)
+            posed = pose(self._problem, data, guess)
             if ahead is None:
                 self._linearise(guess)
             iterate, iterations, gave_up = self._iterate(posed, start)
@@ -143,7 +141,7 @@ class RealtimeNmpc:
                 raise ValueError("solution not finite")
         except ValueError as error:
             self._reset()  # Nothing that is not finite may survive.
-            return self._failure(str(error), guess, time.perf_counter() - start)
+            return solution_at(self._problem, None, guess, start=start, message=str(error))
         return NmpcSolution(
             success=True,
             message="; ".join(filter(None, (posed.note, gave_up))),
@@ -284,8 +282,3 @@ class RealtimeNmpc:
         self._hessian = np.eye(self._problem.size)
         self._without_rates = QuadraticProgram(np.zeros((0, self._problem.size)))
         self._with_rates = QuadraticProgram(self._rate_matrix)
-
-    def _failure(self, reason: str, guess: np.ndarray, solve_time: float) -> NmpcSolution:
-        x0, inputs = self._split(guess)
-        states = self._problem.model.roll_out(x0, inputs, self._problem.period)
-        return NmpcSolution(False, reason, states, inputs, np.nan, 0, solve_time)

@@ -20,17 +20,6 @@ def _product(X: np.ndarray, Y: np.ndarray) -> np.ndarray:
 
 
 @compiled
-def _transposed_product(X: np.ndarray, Y: np.ndarray) -> np.ndarray:
-    """Returns X' Y."""
-    Z = np.zeros((X.shape[1], Y.shape[1]))
-    for k in range(X.shape[0]):
-        for i in range(X.shape[1]):
-            for j in range(Y.shape[1]):
-                Z[i, j] += X[k, i] * Y[k, j]
-    return Z
-
-
-@compiled
 def _solve(X: np.ndarray, Y: np.ndarray) -> np.ndarray:
     """Returns X^-1 Y by elimination with pivoting; numba takes 10 s to compile numpy's."""
     X, Z, n = X.copy(), Y.copy(), len(X)
@@ -101,18 +90,18 @@ def solve_dare(
     for _ in range(MAX_DOUBLINGS):
         W = identity + _product(G, P)
         F_W = _solve(W, F)
-        change = _transposed_product(F, _product(P, F_W))
+        change = _product(F.T.copy(), _product(P, F_W))
         G += _product(F, _product(_solve(W, G), F.T.copy()))
         F = _product(F, F_W)
         P += change
         if not _largest(change) > CONVERGED * _largest(P):
             break
     P_B = _product(P, B)
-    K = _solve(R + _transposed_product(B, P_B), _transposed_product(P_B, A))
+    K = _solve(R + _product(B.T.copy(), P_B), _product(P_B.T.copy(), A))
     closed_loop = A - _product(B, K)
     P_closed_loop = _product(P, closed_loop)
-    residual = _transposed_product(A, P_closed_loop) + Q - P
-    decrease = P - _transposed_product(closed_loop, P_closed_loop)
+    residual = _product(A.T.copy(), P_closed_loop) + Q - P
+    decrease = P - _product(closed_loop.T.copy(), P_closed_loop)
     sound = is_positive_definite(P) and is_positive_definite(decrease)
     sound = sound and _largest(Q - Q.T) == 0.0 and is_positive_definite(Q)
     sound = sound and _largest(R - R.T) == 0.0 and is_positive_definite(R)

@@ -160,7 +160,9 @@ class PosedProblem(NamedTuple):
         )
 
 
-def pose(problem: TrackingProblem, data: TrackingData) -> PosedProblem:
+def pose(
+    problem: TrackingProblem, data: TrackingData, guess: np.ndarray | None = None
+) -> PosedProblem:
     """Returns what has to be solved: references and constraints that every horizon can meet.
 
     Each stage's input bounds are narrowed to the inputs from which the later stages' bounds can
@@ -172,10 +174,17 @@ def pose(problem: TrackingProblem, data: TrackingData) -> PosedProblem:
     by whole turns to begin nearest to the measured yaw: the same while errors stay below half a
     turn, and smooth, which the solvers need.
 
+    Args:
+        problem: The problem.
+        data: The sample's problem data.
+        guess: Decision vector that a solver begins from; only checked.
+
     Raises:
         ValueError: when a shape does not fit, a number is not finite, a half-width negative, or a
             lower bound above its upper one.
     """
+    if guess is not None and not tracking_kernels.all_finite(guess):
+        raise ValueError("guess not finite")
     sound, *posed = tracking_kernels.pose(
         data.state,
         data.reference,

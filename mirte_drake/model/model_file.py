@@ -38,7 +38,29 @@ class ModelFile:
 
 def model_names() -> list[str]:
     """Returns the names of the identified models that come with the package."""
-    return sorted(path.stem for path in IDENTIFIED_MODELS.glob("*.yaml"))
+    return names_in(IDENTIFIED_MODELS)
+
+
+def names_in(folder: Path) -> list[str]:
+    """Returns the names of the YAML files in a folder of the package."""
+    return sorted(path.stem for path in folder.glob("*.yaml"))
+
+
+def named_file(kind: str, folder: Path, name_or_path: str | os.PathLike) -> Path:
+    """Returns the YAML file of a name, see ``names_in``, or of a path.
+
+    Raises:
+        UserError: when it is neither a name nor the path of a YAML file; names the ``kind``.
+    """
+    if str(name_or_path) in names_in(folder):
+        return folder / f"{name_or_path}.yaml"
+    path = Path(name_or_path)
+    if path.suffix not in (".yaml", ".yml"):
+        raise UserError(
+            f"{kind} {str(name_or_path)!r} is not known: use one of {', '.join(names_in(folder))} "
+            "or the path of a .yaml file"
+        )
+    return path
 
 
 def load_model_file(name_or_path: str | os.PathLike) -> ModelFile:
@@ -47,14 +69,7 @@ def load_model_file(name_or_path: str | os.PathLike) -> ModelFile:
     Raises:
         UserError: when there is no such model, or the file is not a model.
     """
-    named = IDENTIFIED_MODELS / f"{name_or_path}.yaml"
-    path = named if str(name_or_path) in model_names() else Path(name_or_path)
-    if path is not named and path.suffix not in (".yaml", ".yml"):
-        raise UserError(
-            f"model {str(name_or_path)!r} is not known: use one of {', '.join(model_names())} "
-            "or the path of a .yaml file"
-        )
-    return load_typed(ModelFile, path)
+    return load_typed(ModelFile, named_file("model", IDENTIFIED_MODELS, name_or_path))
 
 
 def load_model(name_or_path: str | os.PathLike) -> SparseModel:

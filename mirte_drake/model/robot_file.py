@@ -7,7 +7,7 @@ from pathlib import Path
 
 from mirte_drake.errors import UserError
 from mirte_drake.model.dynamic_model import DynamicParameters
-from mirte_drake.model.model_file import Identification
+from mirte_drake.model.model_file import Identification, named_file, names_in
 from mirte_drake.typed_yaml import load_typed, write_typed
 
 FITTED_ROBOTS = Path(str(files("mirte_drake"))) / "model" / "fitted"
@@ -26,7 +26,7 @@ class RobotFile:
 
 def robot_names() -> list[str]:
     """Returns the names of the robots that come with the package."""
-    return sorted(path.stem for path in FITTED_ROBOTS.glob("*.yaml"))
+    return names_in(FITTED_ROBOTS)
 
 
 def load_robot_file(name_or_path: str | os.PathLike) -> RobotFile:
@@ -35,13 +35,7 @@ def load_robot_file(name_or_path: str | os.PathLike) -> RobotFile:
     Raises:
         UserError: when there is no such robot, or the file does not describe one.
     """
-    named = FITTED_ROBOTS / f"{name_or_path}.yaml"
-    path = named if str(name_or_path) in robot_names() else Path(name_or_path)
-    if path is not named and path.suffix not in (".yaml", ".yml"):
-        raise UserError(
-            f"robot {str(name_or_path)!r} is not known: use one of {', '.join(robot_names())} "
-            "or the path of a .yaml file"
-        )
+    path = named_file("robot", FITTED_ROBOTS, name_or_path)
     content = load_typed(RobotFile, path)
     try:
         content.parameters.validate()

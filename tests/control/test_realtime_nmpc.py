@@ -39,10 +39,12 @@ class LaggedModel(PredictionModel):
         return self.derivative(x, u), A, B
 
 
-def equal(one, other) -> None:
-    np.testing.assert_array_equal(one.inputs, other.inputs)
-    np.testing.assert_array_equal(one.states, other.states)
-    assert (one.cost, one.iterations, one.message) == (other.cost, other.iterations, other.message)
+def same(one, other) -> bool:
+    """Whether two solutions are equal to the last digit; failed ones have no cost."""
+    arrays = ("inputs", "states", "cost")
+    return (one.iterations, one.message) == (other.iterations, other.message) and all(
+        np.array_equal(getattr(one, name), getattr(other, name), equal_nan=True) for name in arrays
+    )
 
 
 @pytest.mark.parametrize("iterations", [1, 100])
@@ -52,7 +54,7 @@ def test_preparation_changes_nothing_but_the_time(problem, make_data, iterations
     for guess in (GUESS, np.linspace(-5.0, 5.0, 43)):
         prepared.prepare(guess)
         one, other = prepared.solve(make_data(), guess), plain.solve(make_data(), guess)
-        equal(one, other)
+        assert same(one, other)
         assert one.solve_time > one.preparation_time > 0 and other.preparation_time == 0
 
 
@@ -60,7 +62,7 @@ def test_preparation_for_another_guess_is_not_used(problem, make_data):
     dut = RealtimeNmpc(problem)
     expected = dut.solve(make_data(), GUESS)
     dut.prepare(np.full(43, 20.0))
-    equal(dut.solve(make_data(), GUESS), expected)
+    assert same(dut.solve(make_data(), GUESS), expected)
 
 
 def test_two_users_of_one_solver_do_not_disturb_each_other(problem, make_data):
@@ -73,7 +75,7 @@ def test_two_users_of_one_solver_do_not_disturb_each_other(problem, make_data):
     shared = RealtimeNmpc(problem)
     for _ in range(3):
         for data, expected in zip(datas, alone, strict=True):
-            equal(shared.solve(data, GUESS), expected)
+            assert same(shared.solve(data, GUESS), expected)
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e4, 1e8])
@@ -88,7 +90,7 @@ def test_earlier_solves_leave_no_trace_on_far_problems_of_six_states(
         guess = np.concatenate([data.state, rng.uniform(-50, 50, 40)])
         shared.prepare(guess)
         one, other = shared.solve(data, guess), make_nmpc_solver(dynamic, name).solve(data, guess)
-        equal(one, other)
+        assert same(one, other)
 
 
 @pytest.mark.parametrize("size", [1e20, 1e160, np.inf, np.nan])
@@ -97,7 +99,7 @@ def test_preparation_never_raises(problem, make_data, size):
     dut, data = RealtimeNmpc(dynamic), make_data(state=np.zeros(6), half_width=np.zeros(6))
     expected = dut.solve(data, np.zeros(46))
     dut.prepare(np.full(46, size))
-    equal(dut.solve(data, np.zeros(46)), expected)
+    assert same(dut.solve(data, np.zeros(46)), expected)
 
 
 @pytest.mark.parametrize("factor", [1e-9, 1e-4, 1e6])
@@ -125,8 +127,8 @@ def test_guess_of_another_type(problem, make_data, kind):
     dut = RealtimeNmpc(problem)
     expected = dut.solve(make_data(), GUESS)
     dut.prepare(GUESS.astype(kind))
-    equal(dut.solve(make_data(), GUESS.astype(kind)), expected)
-    equal(dut.solve(make_data(), GUESS), expected)
+    assert same(dut.solve(make_data(), GUESS.astype(kind)), expected)
+    assert same(dut.solve(make_data(), GUESS), expected)
 
 
 def test_one_iteration_is_the_gauss_newton_step(problem, make_data):
@@ -174,7 +176,7 @@ def test_problem_that_is_not_finite_leaves_no_trace(problem, make_data):
         make_data(previous_input=np.full(4, 1e300)),
     ):
         assert not dut.solve(bad, GUESS).success or np.isfinite(dut.solve(bad, GUESS).cost)
-        equal(dut.solve(make_data(), GUESS), expected)
+        assert same(dut.solve(make_data(), GUESS), expected)
 
 
 def test_iteration_limit_is_told(problem, make_data):

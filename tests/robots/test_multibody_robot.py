@@ -346,7 +346,8 @@ def random_drive(friction: float, duration: float) -> Drive:
 
 @pytest.mark.parametrize("friction", [0.05, 0.3, 0.8])
 def test_drives_at_random(friction):
-    random_drive(friction, 6.0)
+    drive = random_drive(friction, 6.0)
+    assert drive.context.get_time() == pytest.approx(6.0)
 
 
 @pytest.mark.slow
