@@ -183,10 +183,11 @@ def robot_file(
 
 def fit_text(fit: RobotFit) -> str:
     """Returns the held-out errors as a table; a star marks the structure that was taken."""
-    lines = [f"{'structure':54}{'held-out error':>16}"]
+    width = max(len(str(structure)) for structure in fit.held_out_errors)
+    lines = [f"{'structure':{width}}{'held-out error':>16}"]
     for structure, error in fit.held_out_errors.items():
         star = " *" if structure == fit.structure else ""
-        lines.append(f"{structure!s:54}{error:16.4f}{star}")
+        lines.append(f"{structure!s:{width}}{error:16.4f}{star}")
     return "\n".join(lines)
 
 
