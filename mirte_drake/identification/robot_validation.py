@@ -7,11 +7,11 @@ from mirte_drake.identification.recorded_run import RecordedRun
 from mirte_drake.identification.validation import Validation, rmse
 from mirte_drake.model.dynamic_model import (
     BODY_VELOCITY,
-    POSE,
     STATE_SIZE,
     DynamicParameters,
     roll_out,
 )
+from mirte_drake.vectors import POSE
 
 MAX_STEP = 0.01  # [s] of the simulation.
 

@@ -38,7 +38,6 @@ from mirte_drake.model.drivetrain import DrivetrainParameters, drive_speed
 MASS = 5.0 + 4 * 2.15  # [kg] Base and wheels, of the robot's URDF.
 STICK_SPEED = 0.02  # [m/s] Rim speed up to which static friction holds, at least in part.
 
-POSE = slice(0, 3)
 BODY_VELOCITY = slice(3, 6)
 DRIVE_SPEED = slice(6, 10)
 STATE_SIZE = 10

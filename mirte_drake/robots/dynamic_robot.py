@@ -19,14 +19,13 @@ from mirte_drake.geometry import wheel_speeds
 from mirte_drake.model.drivetrain import MAX_DELAY
 from mirte_drake.model.dynamic_model import (
     BODY_VELOCITY,
-    POSE,
     STATE_SIZE,
     DynamicParameters,
     derivative,
 )
 from mirte_drake.model.fleet import loaded, scaled
 from mirte_drake.model.robot_file import load_robot_file
-from mirte_drake.vectors import POSE_SIZE, WHEELS, YAW
+from mirte_drake.vectors import POSE, POSE_SIZE, WHEELS, YAW
 
 DELAY_STEP = 0.01  # [s] Delays are whole numbers of these.
 

@@ -9,13 +9,13 @@ from mirte_drake.model.dynamic_model import (
     BODY_VELOCITY,
     DRIVE_SPEED,
     MASS,
-    POSE,
     STATE_SIZE,
     STICK_SPEED,
     DynamicParameters,
     derivative,
     roll_out,
 )
+from mirte_drake.vectors import POSE
 
 FORWARD = np.array([1, 1, 1, 1])
 LEFT = np.array([-1, 1, -1, 1])
