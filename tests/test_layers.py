@@ -13,11 +13,12 @@ LAYERS = [
     {"model"},
     {"control"},
     {"identification"},  # A leaf: nobody below the command line needs it.
+    {"hardware"},  # Wire formats and safety: knows nothing of Diagrams but what LCM needs.
     {"systems", "robots"},
     {"scenario"},
     {"assembly"},
-    {"run", "collect"},
-    {"benchmark", "comparison"},
+    {"run", "collect", "drive", "stand_in"},
+    {"benchmark", "comparison", "faults"},
     {"cli", "__main__"},
 ]
 # Read by assembly, run and cli; reads arrays and Diagrams, not the layers above `vectors`.

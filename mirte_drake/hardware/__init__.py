@@ -1,0 +1,1 @@
+"""What crosses the wire between controller, guard and robot; imported on demand."""
