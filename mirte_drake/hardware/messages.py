@@ -5,20 +5,14 @@ import enum
 
 import numpy as np
 
-from mirte_drake.vectors import POSE_SIZE, WHEELS
-
-
-def _zeros(size: int) -> np.ndarray:
-    return dc.field(default_factory=lambda: np.zeros(size))
-
 
 @dc.dataclass(frozen=True)
 class Odometry:
     """What the robot says of its motion. Values are as received: nothing is checked yet."""
 
-    stamp: int = 0  # [ns] on the robot's clock.
-    pose: np.ndarray = _zeros(POSE_SIZE)  # (3,) [m, m, rad] odometry frame, yaw wrapped.
-    body_velocity: np.ndarray = _zeros(POSE_SIZE)  # (3,) [m/s, m/s, rad/s]
+    stamp: int  # [ns] on the robot's clock.
+    pose: np.ndarray  # (3,) [m, m, rad] odometry frame, yaw wrapped.
+    body_velocity: np.ndarray  # (3,) [m/s, m/s, rad/s]
     arrival: float = 0.0  # [s] time.monotonic() when it was received; not sent.
 
 
@@ -26,7 +20,7 @@ class Odometry:
 class WheelCommand:
     """Command of the four wheels, which the robot holds until the next one."""
 
-    command: np.ndarray = _zeros(len(WHEELS))  # (4,) [pwm] whole numbers; order of `WHEELS`.
+    command: np.ndarray  # (4,) [pwm] whole numbers; order of `WHEELS`.
     arrival: float = 0.0  # [s] time.monotonic() when it was received; not sent.
 
 
@@ -34,12 +28,12 @@ class WheelCommand:
 class DriveCommand:
     """What the controller asks of the guard once per sample; also the controller's heartbeat."""
 
-    session: int = 0  # Random number of the controller's process, below 2^63.
-    sequence: int = 0  # Counts up from 0.
-    command: np.ndarray = _zeros(len(WHEELS))  # (4,) [pwm]
-    reference: np.ndarray = _zeros(POSE_SIZE)  # (3,) [m, m, rad] odometry frame.
-    odometry_stamp: int = 0  # [ns] of the odometry that the command answers.
-    solve_failed: bool = False  # The command is a fallback.
+    session: int  # Random number of the controller's process, below 2^63.
+    sequence: int  # Counts up from 0.
+    command: np.ndarray  # (4,) [pwm]
+    reference: np.ndarray  # (3,) [m, m, rad] odometry frame.
+    odometry_stamp: int  # [ns] of the odometry that the command answers.
+    solve_failed: bool  # The command is a fallback.
     done: bool = False  # The drive is over: stop, without an alarm.
     arrival: float = 0.0  # [s] time.monotonic() when it was received; not sent.
 
@@ -48,13 +42,13 @@ class DriveCommand:
 class GuardStatus:
     """What the guard did last and whether it has stopped the robot; also its heartbeat."""
 
-    session: int = 0  # The controller that it listens to; 0: none yet.
-    sequence: int = 0  # Of the last DriveCommand passed on.
-    command: np.ndarray = _zeros(len(WHEELS))  # (4,) [pwm] last sent to the robot.
-    stopped: bool = False  # Latched until reset.
-    reason: str = ""  # Why it stopped, in words; empty while it drives or waits.
-    odometry_age: float = 0.0  # [s] of the last odometry that it accepted.
-    rejected: int = 0  # Odometry messages that it rejected so far.
+    session: int  # The controller that it listens to; 0: none yet.
+    sequence: int  # Of the last DriveCommand passed on.
+    command: np.ndarray  # (4,) [pwm] last sent to the robot.
+    stopped: bool  # Latched until reset.
+    reason: str  # Why it stopped, in words; empty while it drives or waits.
+    odometry_age: float  # [s] of the last odometry that it accepted.
+    rejected: int  # Odometry messages that it rejected so far.
     arrival: float = 0.0  # [s] time.monotonic() when it was received; not sent.
 
 
@@ -69,20 +63,16 @@ class Request(enum.IntEnum):
 class OperatorRequest:
     """A request of the command line to the guard."""
 
-    request: Request = Request.STOP
+    request: Request
 
 
 @dc.dataclass(frozen=True)
 class PlanView:
     """What an onlooker wants to see, all in the odometry frame; sent once per sample."""
 
-    reference: np.ndarray = dc.field(  # (N+1, 3) [m, m, rad] r_k, ..., r_{k+N}.
-        default_factory=lambda: np.zeros((1, POSE_SIZE))
-    )
-    nominal: np.ndarray = dc.field(  # (N+1, 3) [m, m, rad] the plan from xhat_k on.
-        default_factory=lambda: np.zeros((1, POSE_SIZE))
-    )
-    half_width: np.ndarray = _zeros(POSE_SIZE)  # (3,) [m, m, rad] d_k; zeros without a tube.
+    reference: np.ndarray  # (N+1, 3) [m, m, rad] r_k, ..., r_{k+N}.
+    nominal: np.ndarray  # (N+1, 3) [m, m, rad] the plan from xhat_k on.
+    half_width: np.ndarray  # (3,) [m, m, rad] d_k; zeros without a tube.
 
 
 Message = Odometry | WheelCommand | DriveCommand | GuardStatus | OperatorRequest | PlanView
