@@ -55,7 +55,7 @@ def simulate(
         summary = save_run(run, results)
         if not no_plots:
             save_figures(run.log, results, input_limit=scenario.input_limit)
-    click.echo(_table(summary, tube=scenario.tube_updater is not None))
+    click.echo(summary_table(summary, tube=scenario.tube_updater is not None))
     click.echo(f"Written to {folder}")
 
 
@@ -89,7 +89,7 @@ def diagram(
         click.echo(path)
 
 
-def _table(summary: dict, tube: bool) -> str:
+def summary_table(summary: dict, tube: bool) -> str:
     """Returns the summary for a person to read."""
     rmse, true = summary["rmse"], summary["true_rmse"]
     solve, feedback = summary["solve_time_ms"], summary["feedback_time_ms"]
