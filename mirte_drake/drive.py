@@ -1,5 +1,6 @@
 """Drives a robot beyond a wire: controller and guard, and what must happen at the end."""
 
+import dataclasses as dc
 import gc
 import secrets
 import signal
@@ -10,7 +11,9 @@ from contextlib import contextmanager
 import numpy as np
 from pydrake.systems.framework import Diagram
 
-from mirte_drake.assembly import MakeDiagram
+from mirte_drake.assembly import AddRobot, MakeDiagram
+from mirte_drake.collect import PERIOD, Collected, collect
+from mirte_drake.control.excitation import ExcitationConfig
 from mirte_drake.errors import UserError
 from mirte_drake.hardware.guard_process import start_guard
 from mirte_drake.hardware.link import Link, Role
@@ -31,7 +34,6 @@ from mirte_drake.vectors import POSE_SIZE, WHEELS
 STOP_TIME = 0.5  # [s] For which zeros are repeated where no guard does it.
 STOP_PERIOD = 0.05  # [s] Between them.
 CONFIRMATION = 0.2  # [s] For the guard to say that the wheels stand.
-INTERRUPTED = "interrupted"
 
 
 def wired_robot(scenario: Scenario) -> WiredRobotConfig:
@@ -49,7 +51,7 @@ def wired_robot(scenario: Scenario) -> WiredRobotConfig:
 
 
 @contextmanager
-def wire(scenario: Scenario, *, own_guard: bool = True) -> Iterator[tuple[Link, int]]:
+def wire_to(scenario: Scenario, *, own_guard: bool = True) -> Iterator[tuple[Link, int]]:
     """Yields the controller's end of the wire and its session, with a guard at the other end.
 
     However the block ends, the wheels stand afterwards.
@@ -89,8 +91,8 @@ def drive(
     Args:
         scenario: What to drive.
         name: Name for the summary.
-        link: Of ``wire``.
-        session: Of ``wire``.
+        link: Of ``wire_to``.
+        session: Of ``wire_to``.
         on_sample: Called after each sample, when its command is on its way.
         clock: [s] that messages' times of arrival are of.
 
@@ -98,14 +100,37 @@ def drive(
         ValueError: when the scenario cannot be built; UserError is one.
     """
     diagram = MakeDiagram(scenario, link, session)
-    with interruption() as interrupted, few_pauses():
-
-        def watch() -> None:
-            if interrupted():
-                raise WireStopped(INTERRUPTED)
-
+    with interruption() as watch, few_pauses():
         pace = WirePace(diagram, link, period=scenario.period, clock=clock, watch=watch)
-        return run_diagram(diagram, scenario, name, on_sample, pace)
+        return run_diagram(diagram, scenario, name, lambda: on_sample(diagram), pace)
+
+
+def collect_over_wire(
+    scenario: Scenario,
+    excitation: ExcitationConfig,
+    link: Link,
+    session: int,
+    *,
+    seed: int | None = None,
+    on_sample: Callable[[], object] = lambda: None,
+) -> Collected:
+    """Drives a robot beyond a wire through the excitation and records it; see ``collect``.
+
+    Rows are odometry as it came. Where the guard stops the robot, the recording ends there.
+
+    Raises:
+        ValueError: when ``excitation`` or ``seed`` is out of range.
+    """
+    robot = dc.replace(wired_robot(scenario), roll_forward=False)
+    scenario = dc.replace(scenario, robot=robot)
+    with interruption() as watch, few_pauses():
+        return collect(
+            lambda builder: AddRobot(builder, scenario, link, session),
+            excitation,
+            seed=scenario.seed if seed is None else seed,
+            on_sample=on_sample,
+            make_pace=lambda diagram: WirePace(diagram, link, period=PERIOD, watch=watch),
+        )
 
 
 def stop_wheels(link: Link, session: int, clock: Callable[[], float] = time.monotonic) -> None:
@@ -133,12 +158,18 @@ def stop_wheels(link: Link, session: int, clock: Callable[[], float] = time.mono
 
 
 @contextmanager
-def interruption() -> Iterator[Callable[[], bool]]:
-    """Yields a function that says whether SIGINT or SIGTERM came; neither raises in the block."""
+def interruption() -> Iterator[Callable[[], None]]:
+    """Yields a function that raises WireStopped once SIGINT or SIGTERM came; they do not."""
     received: list[int] = []
-    handlers = {s: signal.signal(s, lambda s, _: received.append(s)) for s in (2, 15)}
+    signals = (signal.SIGINT, signal.SIGTERM)
+    handlers = {number: signal.signal(number, lambda *_: received.append(1)) for number in signals}
+
+    def watch() -> None:
+        if received:
+            raise WireStopped("interrupted")
+
     try:
-        yield lambda: bool(received)
+        yield watch
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)

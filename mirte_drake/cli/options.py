@@ -54,7 +54,7 @@ transport_option = click.option(
     "--transport",
     type=click.Choice(TRANSPORTS),
     callback=_as_override,
-    help="Wire of the robot; without it, the scenario's: short for --set robot=!KindRobotConfig {}.",
+    help="Wire of the robot, unless the scenario has it: --set robot=!KindRobotConfig {}.",
 )
 
 

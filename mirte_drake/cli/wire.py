@@ -1,6 +1,7 @@
 """Commands at the wire: a stand-in for the robot, drives, the guard, and the stop."""
 
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -52,17 +53,20 @@ def robot(
     from mirte_drake.drive import interruption, wired_robot
     from mirte_drake.hardware.link import Role
     from mirte_drake.hardware.wire_config import open_link
+    from mirte_drake.pacing import WireStopped
     from mirte_drake.scenario import load_scenario
     from mirte_drake.stand_in import StandIn
 
     wired = wired_robot(load_scenario(name, (*transport, *wire)))
     scenario = load_scenario(name, (*robot, *overrides))
-    with open_link(wired.wire, Role.ROBOT) as link, interruption() as interrupted:
+    with open_link(wired.wire, Role.ROBOT) as link, interruption() as watch:
         stand_in = StandIn(scenario, link)
         click.echo(f"{type(scenario.robot).__name__} is on the wire; Ctrl-C ends it", err=True)
         end = time.monotonic() + (np.inf if duration is None else duration)
-        while not interrupted() and time.monotonic() < end:
-            stand_in.step()
+        with suppress(WireStopped):
+            while time.monotonic() < end:
+                stand_in.step()
+                watch()
     log = stand_in.log
     click.echo(f"{log.odometry_sent} odometry messages sent, {log.commands} commands received")
     if log.latencies:
@@ -144,7 +148,7 @@ def _drive(
     from mirte_drake.visualization.figures import FIGURE_FILES, save_figures
 
     with replacing_results(folder, (*RUN_FILES, *FIGURE_FILES)) as results:
-        with driving.wire(scenario, own_guard=not running_guard) as (link, session):
+        with driving.wire_to(scenario, own_guard=not running_guard) as (link, session):
             with click.progressbar(length=scenario.steps, label=stem, file=sys.stderr) as bar:
                 run = driving.drive(
                     scenario, stem, link, session, on_sample=lambda _: bar.update(1)
