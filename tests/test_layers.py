@@ -9,7 +9,8 @@ PACKAGE = Path(mirte_drake.__file__).parent
 
 # Each layer may import those before it, and itself.
 LAYERS = [
-    {"", "errors", "compiled", "vectors", "angles", "geometry", "checks", "files", "typed_yaml"},
+    {"", "errors", "compiled", "vectors", "angles", "geometry", "frames"}
+    | {"checks", "files", "typed_yaml"},
     {"model"},
     {"control"},
     {"identification"},  # A leaf: nobody below the command line needs it.
