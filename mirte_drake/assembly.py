@@ -70,7 +70,7 @@ def _add_wired_robot(
         start=scenario.first_pose,
         period=scenario.period,
         session=session,
-        limits=robot.governor,
+        limits=robot.governor.odometry,
         roll_forward=robot.roll_forward,
     )
     if isinstance(robot, Ros2RobotConfig):

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import PassThrough
+from scripted_link import ScriptedLink
 
 from mirte_drake.hardware.messages import GuardStatus, Odometry
 from mirte_drake.pacing import (
@@ -13,7 +14,6 @@ from mirte_drake.pacing import (
     WirePace,
     WireStopped,
 )
-from scripted_link import ScriptedLink
 
 PERIOD, GRACE = 0.1, 0.02
 

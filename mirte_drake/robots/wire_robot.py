@@ -16,10 +16,9 @@ from pydrake.systems.framework import (
 )
 
 from mirte_drake.control.plan import Plan, SolveStatus
-from mirte_drake.frames import PathFrame
-from mirte_drake.hardware.governor import GovernorConfig
+from mirte_drake.frames import path_frame, to_odometry_frame, to_path_frame
 from mirte_drake.hardware.messages import DriveCommand, GuardStatus, Odometry, PlanView
-from mirte_drake.hardware.odometry_check import Track, check
+from mirte_drake.hardware.odometry_check import OdometryLimits, OdometryTrack, check
 from mirte_drake.model.prediction_model import PredictionModel
 from mirte_drake.model.roll_forward import roll_forward
 from mirte_drake.vectors import POSE, POSE_SIZE, WHEELS
@@ -31,8 +30,8 @@ HISTORY = 6  # Samples of commands kept; the guard stops long before odometry is
 class WireState:
     """What the adapter remembers from sample to sample."""
 
-    track: Track = dc.field(default_factory=Track)
-    frame: PathFrame | None = None  # None before the first odometry.
+    track: OdometryTrack | None = None  # None before the first odometry.
+    frame: np.ndarray | None = None  # (3,) of the path in that of the odometry.
     # When commands began and what they were, as the guard sent them; oldest first.
     sent: tuple[tuple[float, np.ndarray], ...] = ()
     since: float = -np.inf  # [s] clock at the last sample, when its command went out.
@@ -98,7 +97,7 @@ class WireRobot(LeafSystem):
         start: np.ndarray,
         period: float,
         session: int,
-        limits: GovernorConfig,
+        limits: OdometryLimits,
         roll_forward: bool = True,
     ) -> None:
         """Declares ports and state.
@@ -174,10 +173,10 @@ class WireRobot(LeafSystem):
         odometry: Odometry | None = _eval_or(self._odometry, context, None)
         if odometry is None or odometry.arrival == state.arrival:
             return state
-        track, _ = check(state.track, odometry, self._limits.odometry)
+        track, _ = check(state.track, odometry, self._limits)
         frame = state.frame
-        if frame is None and track.pose is not None:
-            frame = PathFrame.align(track.pose, self._start)
+        if frame is None and track is not None:
+            frame = path_frame(track.last.pose, self._start)
         return dc.replace(state, track=track, frame=frame, arrival=odometry.arrival)
 
     def _update(self, context: Context, next_state: State) -> None:
@@ -186,44 +185,46 @@ class WireRobot(LeafSystem):
     def _get_now(self, context: Context) -> WireState:
         return self.get_cache_entry(self._now.cache_index()).Eval(context)
 
-    def _pose(self, state: WireState) -> np.ndarray:
-        if state.frame is None or state.track.pose is None:
+    def _measured(self, state: WireState) -> np.ndarray:
+        """Returns the measured pose (3,) in the path's frame, its start before any odometry."""
+        if state.track is None or state.frame is None:
             return self._start
-        pose = state.frame.to_path(state.track.pose)
-        if not self._rolls:
-            return pose
-        measured = state.since - state.track.age(state.since)
-        return roll_forward(self._model, pose, state.sent, measured, state.since)
+        return to_path_frame(state.track.last.pose, state.frame)
+
+    def _age(self, state: WireState) -> float:
+        return 0.0 if state.track is None else state.track.age(state.since)
 
     def _calc_pose(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(self._pose(self._get_now(context)))
+        state = self._get_now(context)
+        pose = self._measured(state)
+        if self._rolls:
+            measured = state.since - self._age(state)
+            pose = roll_forward(self._model, pose, state.sent, measured, state.since)
+        output.SetFromVector(pose)
 
     def _calc_body_velocity(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(self._get_now(context).track.body_velocity)
+        track = self._get_now(context).track
+        output.SetFromVector(np.zeros(POSE_SIZE) if track is None else track.last.body_velocity)
 
     def _calc_odometry_age(self, context: Context, output: BasicVector) -> None:
-        state = self._get_now(context)
-        output.SetFromVector([state.track.age(state.since)])
+        output.SetFromVector([self._age(self._get_now(context))])
 
     def _calc_drive_command(self, context: Context, output: AbstractValue) -> None:
         state = self._get_now(context)
-        if state.frame is None:
+        if state.track is None or state.frame is None:
             output.set_value(None)
             return
-        reference = _eval_or(self._reference, context, None)
-        if reference is None:
-            reference = state.frame.to_path(state.track.pose)
+        reference = _eval_or(self._reference, context, self._measured(state))
         status = SolveStatus(int(_eval_or(self._status, context, [SolveStatus.SOLVED])[0]))
-        output.set_value(
-            DriveCommand(
-                session=self._session,
-                sequence=round(context.get_time() / self._period),
-                command=self._command.Eval(context),
-                reference=state.frame.to_odometry(reference),
-                odometry_stamp=state.track.stamp,
-                solve_failed=status.failed,
-            )
+        command = DriveCommand(
+            session=self._session,
+            sequence=round(context.get_time() / self._period),
+            command=self._command.Eval(context),
+            reference=to_odometry_frame(reference, state.frame),
+            odometry_stamp=state.track.last.stamp,
+            solve_failed=status.failed,
         )
+        output.set_value(command)
 
     def _calc_plan_view(self, context: Context, output: AbstractValue) -> None:
         frame = self._get_now(context).frame
@@ -232,8 +233,8 @@ class WireRobot(LeafSystem):
             output.set_value(None)
             return
         view = PlanView(
-            reference=frame.to_odometry(plan.data.reference),
-            nominal=frame.to_odometry(plan.states[:, POSE]),
+            reference=to_odometry_frame(plan.data.reference, frame),
+            nominal=to_odometry_frame(plan.states[:, POSE], frame),
             half_width=plan.data.half_width,
         )
         output.set_value(view)
