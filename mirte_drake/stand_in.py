@@ -75,7 +75,7 @@ class StandIn:
     def step(self) -> None:
         """Waits a little, for a command or odometry to be due, and does what is due.
 
-        Odometry that has become late, because the process was held up, is left out.
+        Of odometry that has become late, because the process was held up, only the first is sent.
         """
         now = self._clock()
         self._link.wait(max(min(self._next - now, CHUNK), 0.0))

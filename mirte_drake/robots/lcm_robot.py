@@ -1,18 +1,20 @@
 """A robot on LCM, by pydrake's own LCM systems."""
 
 import dataclasses as dc
+from typing import TYPE_CHECKING
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, TriggerType
 from pydrake.systems.lcm import LcmPublisherSystem, LcmSubscriberSystem
 
 from mirte_drake.checks import check_parts
 from mirte_drake.hardware.governor import GovernorConfig
-from mirte_drake.hardware.lcm_link import LcmLink
-from mirte_drake.hardware.lcm_serializer import MessageSerializer
 from mirte_drake.hardware.messages import DriveCommand, GuardStatus, Odometry, PlanView
 from mirte_drake.hardware.wire_config import LcmWireConfig
 from mirte_drake.robots.wire_robot import WireRobot
 from mirte_drake.robots.wired_robot import MakeWiredRobot
+
+if TYPE_CHECKING:
+    from mirte_drake.hardware.lcm_link import LcmLink
 
 
 @dc.dataclass
@@ -29,7 +31,7 @@ class LcmRobotConfig:
         check_parts(self)
 
 
-def MakeLcmRobot(config: LcmRobotConfig, adapter: WireRobot, link: LcmLink) -> Diagram:
+def MakeLcmRobot(config: LcmRobotConfig, adapter: WireRobot, link: "LcmLink") -> Diagram:
     """Builds the robot beyond an LCM wire; ports of ``MakeWiredRobot``.
 
     Args:
@@ -40,6 +42,8 @@ def MakeLcmRobot(config: LcmRobotConfig, adapter: WireRobot, link: LcmLink) -> D
     Raises:
         ValueError: when ``config`` is out of range.
     """
+    from mirte_drake.hardware.lcm_serializer import MessageSerializer
+
     config.validate()
     builder = DiagramBuilder()
     builder.AddNamedSystem("adapter", adapter)
