@@ -97,8 +97,8 @@ def test_the_path_begins_where_the_robot_is():
     np.testing.assert_allclose(drive.get("pose"), START, atol=1e-12)
     np.testing.assert_array_equal(drive.get("body_velocity"), [0.1, 0.2, 0.3])
     # The robot looks along +y of the odometry: forward by 0.05 m is there, and left is -x.
-    drive.to_sample(5.1, odometry(5.1, SWITCHED_ON + [-0.02, 0.05, 0.1]))
-    np.testing.assert_allclose(drive.get("pose"), START + [0.05, 0.02, 0.1], atol=1e-12)
+    drive.to_sample(5.1, odometry(5.1, SWITCHED_ON + np.array([-0.02, 0.05, 0.1])))
+    np.testing.assert_allclose(drive.get("pose"), START + np.array([0.05, 0.02, 0.1]), atol=1e-12)
 
 
 def test_yaw_is_unwrapped():
@@ -149,14 +149,14 @@ def test_bad_odometry_leaves_the_last_good_one_in_force(bad):
 def test_what_is_asked_of_the_guard():
     drive = Drive(make_dut())
     drive.to_sample(5.0, odometry(5.0, SWITCHED_ON))
-    drive.set("reference", START + [0.1, 0, 0])
+    drive.set("reference", START + np.array([0.1, 0, 0]))
     drive.set("solve_status", [float(SolveStatus.SHIFTED)])
     command = drive.get("drive_command")
     assert (command.session, command.sequence, command.done) == (7, 0, False)
     assert command.odometry_stamp == round(1e9 * 1005)
     assert command.solve_failed
     np.testing.assert_array_equal(command.command, FORWARD)
-    np.testing.assert_allclose(command.reference, SWITCHED_ON + [0, 0.1, 0], atol=1e-12)
+    np.testing.assert_allclose(command.reference, SWITCHED_ON + np.array([0, 0.1, 0]), atol=1e-12)
     drive.to_sample(5.1, odometry(5.1, SWITCHED_ON))
     drive.set("solve_status", [float(SolveStatus.RELAXED)])
     command = drive.get("drive_command")
@@ -165,7 +165,7 @@ def test_what_is_asked_of_the_guard():
 
 def test_without_a_reference_no_error_is_reported():
     drive = Drive(make_dut())
-    moved = SWITCHED_ON + [0, 0.05, 0]
+    moved = SWITCHED_ON + np.array([0, 0.05, 0])
     drive.to_sample(5.0, odometry(5.0, SWITCHED_ON))
     drive.to_sample(5.1, odometry(5.1, moved))
     np.testing.assert_allclose(drive.get("drive_command").reference, moved, atol=1e-12)
@@ -176,8 +176,8 @@ def test_contexts_are_independent():
     one, other = Drive(dut), Drive(dut)
     one.to_sample(5.0, odometry(5.0, SWITCHED_ON))
     other.to_sample(5.0, odometry(5.0, np.zeros(3)))
-    one.to_sample(5.1, odometry(5.1, SWITCHED_ON + [0, 0.1, 0]))
+    one.to_sample(5.1, odometry(5.1, SWITCHED_ON + np.array([0, 0.1, 0])))
     other.to_sample(5.1, odometry(5.1, np.zeros(3)))
-    np.testing.assert_allclose(one.get("pose"), START + [0.1, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(one.get("pose"), START + np.array([0.1, 0, 0]), atol=1e-12)
     np.testing.assert_allclose(other.get("pose"), START, atol=1e-12)
     assert dc.is_dataclass(one.get("drive_command"))
