@@ -24,6 +24,7 @@ LAYERS = [
 ]
 # Read by assembly, run and cli; reads arrays and Diagrams, not the layers above `vectors`.
 VISUALIZATION = "visualization"
+GENERATED = "mirte_lcm"  # By lcm-gen, in its own style.
 
 
 def layer(module: str) -> int:
@@ -48,6 +49,8 @@ def part(name: str) -> str:
 
 def sources():
     for path in sorted(PACKAGE.rglob("*.py")):
+        if path.parent.name == GENERATED:
+            continue
         module = path.relative_to(PACKAGE).with_suffix("").parts[0].replace("__init__", "")
         yield path, module
 
