@@ -12,7 +12,7 @@ import numpy as np
 from pydrake.systems.framework import Diagram
 
 from mirte_drake.assembly import AddRobot, MakeDiagram
-from mirte_drake.collect import PERIOD, Collected, collect
+from mirte_drake.collect import Collected, collect
 from mirte_drake.control.excitation import ExcitationConfig
 from mirte_drake.errors import UserError
 from mirte_drake.hardware.guard_process import start_guard
@@ -25,6 +25,7 @@ from mirte_drake.hardware.messages import (
     Request,
     WheelCommand,
 )
+from mirte_drake.hardware.odometry_check import check
 from mirte_drake.hardware.wire_config import open_link
 from mirte_drake.pacing import WirePace, WireStopped
 from mirte_drake.run import Run, run_diagram
@@ -101,7 +102,7 @@ def drive(
     """
     diagram = MakeDiagram(scenario, link, session)
     with interruption() as watch, few_pauses():
-        pace = WirePace(diagram, link, period=scenario.period, clock=clock, watch=watch)
+        pace = _pace(diagram, scenario, link, clock, watch)
         return run_diagram(diagram, scenario, name, lambda: on_sample(diagram), pace)
 
 
@@ -129,8 +130,26 @@ def collect_over_wire(
             excitation,
             seed=scenario.seed if seed is None else seed,
             on_sample=on_sample,
-            make_pace=lambda diagram: WirePace(diagram, link, period=PERIOD, watch=watch),
+            make_pace=lambda diagram: _pace(diagram, scenario, link, time.monotonic, watch),
         )
+
+
+def _pace(
+    diagram: Diagram,
+    scenario: Scenario,
+    link: Link,
+    clock: Callable[[], float],
+    watch: Callable[[], None],
+) -> WirePace:
+    limits = wired_robot(scenario).governor.odometry
+    return WirePace(
+        diagram,
+        link,
+        period=scenario.period,
+        clock=clock,
+        watch=watch,
+        refuse=lambda odometry: check(None, odometry, limits)[1],
+    )
 
 
 def stop_wheels(link: Link, session: int, clock: Callable[[], float] = time.monotonic) -> None:

@@ -51,6 +51,7 @@ class WirePace(Pace):
         grace: float = 0.02,
         clock: Callable[[], float] = time.monotonic,
         watch: Callable[[], object] = lambda: None,
+        refuse: Callable[[Odometry], str | None] = lambda _: None,
     ) -> None:
         """Begins before the first sample.
 
@@ -61,9 +62,10 @@ class WirePace(Pace):
             grace: [s] how long odometry may be late.
             clock: [s] that messages' times of arrival are of.
             watch: Called between pieces of waiting; may raise to end the drive.
+            refuse: Says why odometry is of no use to begin with, or None.
         """
         self._diagram, self._link, self._period, self._grace = diagram, link, period, grace
-        self._clock, self._watch = clock, watch
+        self._clock, self._watch, self._refuse = clock, watch, refuse
         self._expected = self._last = -np.inf
         self._seen = 0
         self._fresh = False
@@ -110,14 +112,23 @@ class WirePace(Pace):
 
     def _wait_for_company(self) -> None:
         start = self._clock()
-        while self._link.latest(GuardStatus) is None or self._link.latest(Odometry) is None:
+        while missing := self._missing():
             self._watch()
             if self._clock() - start > START_TIMEOUT:
-                who = "guard" if self._link.latest(GuardStatus) is None else "odometry"
-                raise WireStopped(f"no {who} was heard for {START_TIMEOUT:g} s")
+                raise WireStopped(f"{missing} for {START_TIMEOUT:g} s")
             self._link.wait(SLICE)
         self._seen = self._link.count(Odometry)
         self._expected = self._clock() + self._period
+
+    def _missing(self) -> str:
+        """Returns what it takes to begin and is not there, or nothing."""
+        odometry = self._link.latest(Odometry)
+        if self._link.latest(GuardStatus) is None:
+            return "no guard was heard"
+        if odometry is None:
+            return "no odometry was heard"
+        reason = self._refuse(odometry)
+        return f"odometry was of no use ({reason})" if reason else ""
 
     def _wait_for_odometry(self) -> bool:
         """Returns whether fresh odometry has come, after at least half a period."""

@@ -11,8 +11,7 @@ from mirte_drake.hardware.lcm_messages import decode, encode
 class MessageSerializer(SerializerInterface):
     """Lets an LcmSubscriberSystem and an LcmPublisherSystem carry one kind of message.
 
-    Their ports then have the class of messages.py itself; None before the first message, which a
-    publisher must not be given. Bytes that are no such message leave the port as it was.
+    Their ports then have the class of messages.py itself; None before the first message. Bytes that are no such message leave the port as it was.
     """
 
     def __init__(self, kind: type) -> None:
@@ -37,8 +36,9 @@ class MessageSerializer(SerializerInterface):
         abstract_value.set_value(message)
 
     def Serialize(self, abstract_value: AbstractValue) -> bytes:
-        """Returns the bytes of the port's message."""
-        return encode(abstract_value.get_value())
+        """Returns the bytes of the port's message; of None none, which nobody takes for one."""
+        message = abstract_value.get_value()
+        return b"" if message is None else encode(message)
 
     def Clone(self) -> SerializerInterface:
         """Returns another serializer of the same kind."""

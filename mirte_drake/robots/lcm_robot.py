@@ -42,6 +42,7 @@ def MakeLcmRobot(config: LcmRobotConfig, adapter: WireRobot, link: "LcmLink") ->
     Raises:
         ValueError: when ``config`` is out of range.
     """
+    from mirte_drake.hardware.lcm_messages import channel
     from mirte_drake.hardware.lcm_serializer import MessageSerializer
 
     config.validate()
@@ -49,13 +50,17 @@ def MakeLcmRobot(config: LcmRobotConfig, adapter: WireRobot, link: "LcmLink") ->
     builder.AddNamedSystem("adapter", adapter)
 
     def subscriber(kind: type) -> LcmSubscriberSystem:
-        system = LcmSubscriberSystem(link.channel(kind), MessageSerializer(kind), link.lcm, 0.0)
+        system = LcmSubscriberSystem(
+            channel(config.wire.prefix, kind), MessageSerializer(kind), link.lcm, 0.0
+        )
         return builder.AddSystem(system)
 
     def publisher(kind: type) -> LcmPublisherSystem:
         triggers = {TriggerType.kForced}  # See LinkSink.
         serializer = MessageSerializer(kind)
-        system = LcmPublisherSystem(link.channel(kind), serializer, link.lcm, triggers, 0.0)
+        system = LcmPublisherSystem(
+            channel(config.wire.prefix, kind), serializer, link.lcm, triggers, 0.0
+        )
         return builder.AddSystem(system)
 
     return MakeWiredRobot(

@@ -15,8 +15,8 @@ class LinkSource(LeafSystem):
         output_ports:
         - message
 
-    ``message`` is abstract, a state. It is read at the beginning of every step, so that a message
-    that came before ``AdvanceTo(t)`` is there for the updates at t.
+    ``message`` is abstract, a state. It is read at initialization and at the beginning of every
+    step, so that a message that came before ``AdvanceTo(t)`` is there for the updates at t.
     """
 
     def __init__(self, link: Link, kind: type) -> None:
@@ -30,6 +30,7 @@ class LinkSource(LeafSystem):
         self._link, self._kind = link, kind
         self._message = self.DeclareAbstractState(AbstractValue.Make(None))
         self.DeclareStateOutputPort("message", self._message)
+        self.DeclareInitializationUnrestrictedUpdateEvent(self._update)
         self.DeclarePerStepUnrestrictedUpdateEvent(self._update)
 
     def _update(self, context: Context, next_state: State) -> None:
