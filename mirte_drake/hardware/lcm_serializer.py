@@ -7,12 +7,14 @@ from pydrake.systems.lcm import SerializerInterface
 
 from mirte_drake.hardware.lcm_messages import decode, encode
 
+NOTHING = ()  # On a port before the first message; Drake 1.58 takes no None.
+
 
 class MessageSerializer(SerializerInterface):
     """Lets an LcmSubscriberSystem and an LcmPublisherSystem carry one kind of message.
 
-    Their ports then have the class of messages.py itself; None before the first message, which a
-    publisher must not be given. Bytes that are no such message leave the port as it was.
+    Their ports then have the class of messages.py itself; ``NOTHING`` before the first message,
+    which a publisher must not be given. Bytes that are no such message leave the port as it was.
     """
 
     def __init__(self, kind: type) -> None:
@@ -25,8 +27,8 @@ class MessageSerializer(SerializerInterface):
         self._kind = kind
 
     def CreateDefaultValue(self) -> AbstractValue:
-        """Returns the port's value before the first message, None."""
-        return AbstractValue.Make(None)
+        """Returns the port's value before the first message."""
+        return AbstractValue.Make(NOTHING)
 
     def Deserialize(self, message_bytes: bytes, abstract_value: AbstractValue) -> None:
         """Sets the port to the message in the bytes, which came just now."""
