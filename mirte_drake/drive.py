@@ -6,15 +6,19 @@ import secrets
 import signal
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
 
 import numpy as np
-from pydrake.systems.framework import Diagram
+from pydrake.systems.framework import Context, Diagram
 
 from mirte_drake.assembly import AddRobot, MakeDiagram
 from mirte_drake.collect import Collected, collect
 from mirte_drake.control.excitation import ExcitationConfig
+from mirte_drake.drive_recorder import DriveRecorder, Sink
 from mirte_drake.errors import UserError
+from mirte_drake.hardware.bag_recorder import BagRecorder
+from mirte_drake.hardware.foxglove_live import FoxgloveLive
 from mirte_drake.hardware.guard_process import start_guard
 from mirte_drake.hardware.link import Link, Role
 from mirte_drake.hardware.messages import (
@@ -26,7 +30,8 @@ from mirte_drake.hardware.messages import (
     WheelCommand,
 )
 from mirte_drake.hardware.odometry_check import check
-from mirte_drake.hardware.wire_config import open_link
+from mirte_drake.hardware.ros2_messages import Ros2Messages
+from mirte_drake.hardware.wire_config import Ros2WireConfig, open_link
 from mirte_drake.pacing import WirePace, WireStopped
 from mirte_drake.run import Run, run_diagram
 from mirte_drake.scenario import Scenario, WiredRobotConfig
@@ -78,13 +83,45 @@ def wire_to(scenario: Scenario, *, own_guard: bool = True) -> Iterator[tuple[Lin
                 guard.stop()
 
 
+@contextmanager
+def recording(
+    scenario: Scenario, *, bag: Path | None = None, live: bool = False
+) -> Iterator[DriveRecorder | None]:
+    """Yields a recorder to a bag and to a live view in Foxglove; None where neither is wanted.
+
+    Args:
+        scenario: Its robot is beyond a wire, and names the topics.
+        bag: File to write, .mcap.
+        live: Whether Foxglove on this machine can look on.
+
+    Raises:
+        UserError: when a package is missing, the file cannot be written or the port is taken.
+    """
+    wire = wired_robot(scenario).wire
+    names = wire if isinstance(wire, Ros2WireConfig) else Ros2WireConfig()
+    if bag is None and not live:
+        yield None
+        return
+    messages = Ros2Messages(
+        namespace=names.namespace, odometry_topic=names.odometry_topic, motor_type=names.motor_type
+    )
+    with ExitStack() as stack:
+        sinks: list[Sink] = []
+        if bag is not None:
+            sinks.append(stack.enter_context(BagRecorder(bag, messages)))
+        if live:
+            sinks.append(stack.enter_context(FoxgloveLive(messages)))
+        yield DriveRecorder(messages, sinks)
+
+
 def drive(
     scenario: Scenario,
     name: str,
     link: Link,
     session: int,
     *,
-    on_sample: Callable[[Diagram], object] = lambda _: None,
+    on_sample: Callable[[], object] = lambda: None,
+    recorder: DriveRecorder | None = None,
     clock: Callable[[], float] = time.monotonic,
 ) -> Run:
     """Drives a scenario over a wire and logs every sample.
@@ -95,6 +132,7 @@ def drive(
         link: Of ``wire_to``.
         session: Of ``wire_to``.
         on_sample: Called after each sample, when its command is on its way.
+        recorder: Records it.
         clock: [s] that messages' times of arrival are of.
 
     Raises:
@@ -102,8 +140,8 @@ def drive(
     """
     diagram = MakeDiagram(scenario, link, session)
     with interruption() as watch, few_pauses():
-        pace = _pace(diagram, scenario, link, clock, watch)
-        return run_diagram(diagram, scenario, name, lambda: on_sample(diagram), pace)
+        pace = _pace(diagram, scenario, link, watch, recorder, clock)
+        return run_diagram(diagram, scenario, name, on_sample, pace)
 
 
 def collect_over_wire(
@@ -114,6 +152,7 @@ def collect_over_wire(
     *,
     seed: int | None = None,
     on_sample: Callable[[], object] = lambda: None,
+    recorder: DriveRecorder | None = None,
 ) -> Collected:
     """Drives a robot beyond a wire through the excitation and records it; see ``collect``.
 
@@ -130,7 +169,7 @@ def collect_over_wire(
             excitation,
             seed=scenario.seed if seed is None else seed,
             on_sample=on_sample,
-            make_pace=lambda diagram: _pace(diagram, scenario, link, time.monotonic, watch),
+            make_pace=lambda diagram: _pace(diagram, scenario, link, watch, recorder),
         )
 
 
@@ -138,10 +177,16 @@ def _pace(
     diagram: Diagram,
     scenario: Scenario,
     link: Link,
-    clock: Callable[[], float],
     watch: Callable[[], None],
+    recorder: DriveRecorder | None,
+    clock: Callable[[], float] = time.monotonic,
 ) -> WirePace:
     limits = wired_robot(scenario).governor.odometry
+
+    def record(context: Context) -> None:
+        if recorder is not None:
+            recorder.record(link, diagram, context)
+
     return WirePace(
         diagram,
         link,
@@ -149,6 +194,7 @@ def _pace(
         clock=clock,
         watch=watch,
         refuse=lambda odometry: check(None, odometry, limits)[1],
+        record=record,
     )
 
 

@@ -52,6 +52,7 @@ class WirePace(Pace):
         clock: Callable[[], float] = time.monotonic,
         watch: Callable[[], object] = lambda: None,
         refuse: Callable[[Odometry], str | None] = lambda _: None,
+        record: Callable[[Context], object] = lambda _: None,
     ) -> None:
         """Begins before the first sample.
 
@@ -63,9 +64,11 @@ class WirePace(Pace):
             clock: [s] that messages' times of arrival are of.
             watch: Called between pieces of waiting; may raise to end the drive.
             refuse: Says why odometry is of no use to begin with, or None.
+            record: Called at each sample, once its command is on its way.
         """
         self._diagram, self._link, self._period, self._grace = diagram, link, period, grace
         self._clock, self._watch, self._refuse = clock, watch, refuse
+        self._record = record
         self._expected = self._last = -np.inf
         self._seen = 0
         self._fresh = False
@@ -92,11 +95,13 @@ class WirePace(Pace):
         odometry = self._link.latest(Odometry)
         assert odometry is not None
         since = odometry.arrival if self._fresh else self._last
+        latency = self._clock() - since
+        self._record(context)
         return {
             "clock": self._last,
             "fresh_odometry": self._fresh,
             "odometry_age_s": self._diagram.GetOutputPort("odometry_age").Eval(context)[0],
-            "command_latency_s": self._clock() - since,
+            "command_latency_s": latency,
         }
 
     def check_guard(self) -> None:

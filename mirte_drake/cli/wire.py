@@ -21,11 +21,15 @@ from mirte_drake.errors import UserError
 if TYPE_CHECKING:
     from mirte_drake.scenario import Scenario
 
+BAG = "drive.mcap"
+
 running_guard_option = click.option(
     "--running-guard",
     is_flag=True,
     help="Drives by a guard that runs already, as on the robot, instead of one of its own.",
 )
+no_bag_option = click.option("--no-bag", is_flag=True, help="Records no bag.")
+live_option = click.option("--live", is_flag=True, help="Lets Foxglove look on, at port 8765.")
 
 
 @commands.command()
@@ -83,6 +87,8 @@ def robot(
 @transport_option
 @wire_option
 @running_guard_option
+@live_option
+@no_bag_option
 @click.option("--no-plots", is_flag=True, help="Leaves the figures out.")
 @set_option
 @output_option
@@ -91,6 +97,8 @@ def drive(
     transport: tuple[str, ...],
     wire: tuple[str, ...],
     running_guard: bool,
+    live: bool,
+    no_bag: bool,
     no_plots: bool,
     overrides: tuple[str, ...],
     output: Path | None,
@@ -104,7 +112,7 @@ def drive(
 
     scenario = load_scenario(name, (*transport, *wire, *overrides))
     stem = scenario_stem(name)
-    _drive(scenario, stem, output or Path("runs") / stem, running_guard, no_plots)
+    _drive(scenario, stem, output or Path("runs") / stem, running_guard, live, no_bag, no_plots)
 
 
 @commands.command(context_settings={"ignore_unknown_options": True})  # A number may be negative.
@@ -114,6 +122,8 @@ def drive(
 @transport_option
 @wire_option
 @running_guard_option
+@live_option
+@no_bag_option
 @set_option
 @output_option
 def setpoint(
@@ -123,6 +133,8 @@ def setpoint(
     transport: tuple[str, ...],
     wire: tuple[str, ...],
     running_guard: bool,
+    live: bool,
+    no_bag: bool,
     overrides: tuple[str, ...],
     output: Path | None,
 ) -> None:
@@ -134,11 +146,17 @@ def setpoint(
         f"duration={duration}",
     )
     scenario = load_scenario(name, (*reference, *transport, *wire, *overrides))
-    _drive(scenario, "setpoint", output or Path("runs/setpoint"), running_guard, no_plots=True)
+    _drive(scenario, "setpoint", output or Path("runs/setpoint"), running_guard, live, no_bag, True)
 
 
 def _drive(
-    scenario: "Scenario", stem: str, folder: Path, running_guard: bool, no_plots: bool
+    scenario: "Scenario",
+    stem: str,
+    folder: Path,
+    running_guard: bool,
+    live: bool,
+    no_bag: bool,
+    no_plots: bool,
 ) -> None:
     """Drives a scenario, writes what came of it, and ends with 1 where it ended early."""
     from mirte_drake import drive as driving
@@ -147,12 +165,22 @@ def _drive(
     from mirte_drake.run import RUN_FILES, save_run
     from mirte_drake.visualization.figures import FIGURE_FILES, save_figures
 
-    with replacing_results(folder, (*RUN_FILES, *FIGURE_FILES)) as results:
-        with driving.wire_to(scenario, own_guard=not running_guard) as (link, session):
-            with click.progressbar(length=scenario.steps, label=stem, file=sys.stderr) as bar:
-                run = driving.drive(
-                    scenario, stem, link, session, on_sample=lambda _: bar.update(1)
-                )
+    driving.wired_robot(scenario)
+    with replacing_results(folder, (BAG, *RUN_FILES, *FIGURE_FILES)) as results:
+        bag = None if no_bag else results / BAG
+        with (
+            driving.recording(scenario, bag=bag, live=live) as recorder,
+            driving.wire_to(scenario, own_guard=not running_guard) as (link, session),
+            click.progressbar(length=scenario.steps, label=stem, file=sys.stderr) as bar,
+        ):
+            run = driving.drive(
+                scenario,
+                stem,
+                link,
+                session,
+                on_sample=lambda: bar.update(1),
+                recorder=recorder,
+            )
         if not run.log:
             raise click.ClickException(run.ended)
         summary = save_run(run, results)
