@@ -66,7 +66,7 @@ class LcmLink(Link):
     Several links, and Drake systems, may share one DrakeLcm: what one of them waits for, all get.
     So with memq:// controller, guard and robot run in one process.
 
-    What LCM does, each point measured with drake 1.51.1 on Linux:
+    What LCM does, each point measured with drake 1.51.1 and 1.58 on Linux:
 
     - ``ttl=0`` in the URL keeps what is sent on this machine.
     - **It lets messages in from the network.** The receiving socket is bound to the group's
