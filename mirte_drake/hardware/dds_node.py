@@ -21,7 +21,7 @@ from cyclonedds.qos import Policy, Qos
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
-from mirte_drake.hardware.dds_participant import join_domain
+from mirte_drake.hardware.dds_participant import OpenDomain, join_domain
 from mirte_drake.hardware.wire_config import Ros2WireConfig
 
 DEPTH = 10  # Samples that a reader or writer keeps; as in ROS 2.
@@ -50,6 +50,7 @@ class DdsNode:
         Raises:
             UserError: see ``join_domain``.
         """
+        self._domain: OpenDomain | None
         self._domain, self.participant = join_domain(config)
         self._wait_set = WaitSet(self.participant)
 
@@ -81,7 +82,7 @@ class DdsNode:
         """Leaves the domain; the last of this process's nodes in it closes its sockets."""
         # The binding offers no other way to do so now, and not when garbage is collected.
         self.participant.__del__()
-        del self._domain
+        self._domain = None
 
 
 def take(reader: DataReader, convert: Callable[[Any, float], M]) -> tuple[list[M], int]:

@@ -79,8 +79,11 @@ class Ros2Link(Link):
         """Sends a message; never blocks and never raises because nobody listens.
 
         Raises:
-            KeyError: when it is not for this role to send.
+            ValueError: when it is not for this role to send.
         """
+        kind = type(message)
+        if kind not in SENDS[self.role]:
+            raise ValueError(f"a {kind.__name__} is not for the {self.role.value} to send")
         if isinstance(message, WheelCommand):
             self._wheel_writer.write(message)
         elif isinstance(message, PlanView):
@@ -88,7 +91,6 @@ class Ros2Link(Link):
                 if writer.get_matched_subscriptions():  # Each costs some time to make.
                     write(writer, content(message))
         else:
-            kind = type(message)
             write(self._writers[kind], self._channels[kind].to_ros(message))
 
     def robot_present(self) -> bool:

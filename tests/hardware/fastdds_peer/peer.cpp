@@ -170,5 +170,6 @@ int main(int argc, char** argv) {
       ++count;
     }
   }
-  _exit(0);  // The operating system tidies up, and no destructor can hang the test.
+  peer.participant->delete_contained_entities();
+  DomainParticipantFactory::get_instance()->delete_participant(peer.participant);
 }
