@@ -1,7 +1,9 @@
 """What makes the next sample come: simulated time, or odometry on a wire."""
 
+import signal
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 
 import numpy as np
 from pydrake.systems.framework import Context, Diagram
@@ -149,3 +151,21 @@ class WirePace(Pace):
             if now >= deadline:
                 return fresh
             self._link.wait(min(deadline - now, SLICE))
+
+
+@contextmanager
+def interruption() -> Iterator[Callable[[], None]]:
+    """Yields a function that raises WireStopped once SIGINT or SIGTERM came; they do not."""
+    received: list[int] = []
+    signals = (signal.SIGINT, signal.SIGTERM)
+    handlers = {number: signal.signal(number, lambda *_: received.append(1)) for number in signals}
+
+    def watch() -> None:
+        if received:
+            raise WireStopped("interrupted")
+
+    try:
+        yield watch
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)

@@ -18,7 +18,7 @@ LAYERS = [
     {"systems", "robots"},
     {"scenario"},
     {"assembly"},
-    {"run", "collect", "drive", "stand_in"},
+    {"run", "collect", "pacing", "drive", "drive_recorder", "wire_session", "stand_in"},
     {"benchmark", "comparison", "faults"},
     {"cli", "__main__"},
 ]

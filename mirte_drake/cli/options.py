@@ -1,12 +1,21 @@
 """The command group, and what its commands share."""
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import NoReturn
 
 import click
 
 import mirte_drake
 from mirte_drake.robots.names import ROBOTS, TRANSPORTS, robot_override
+
+
+def fail(message: str) -> NoReturn:
+    """Ends the command as failed, with one line."""
+    click.echo(f"Error: {message}", err=True)
+    sys.exit(1)
+
 
 output_option = click.option(
     "--output",

@@ -10,6 +10,7 @@ import numpy as np
 
 from mirte_drake.cli.options import (
     commands,
+    fail,
     output_option,
     robot_option,
     set_option,
@@ -54,11 +55,10 @@ def robot(
     """
     import time
 
-    from mirte_drake.drive import interruption, wired_robot
     from mirte_drake.hardware.link import Role
     from mirte_drake.hardware.wire_config import open_link
-    from mirte_drake.pacing import WireStopped
-    from mirte_drake.scenario import load_scenario
+    from mirte_drake.pacing import WireStopped, interruption
+    from mirte_drake.scenario import load_scenario, wired_robot
     from mirte_drake.stand_in import StandIn
 
     wired = wired_robot(load_scenario(name, (*transport, *wire)))
@@ -163,14 +163,16 @@ def _drive(
     from mirte_drake.cli.simulation import summary_table
     from mirte_drake.files import replacing_results
     from mirte_drake.run import RUN_FILES, save_run
+    from mirte_drake.scenario import wired_robot
     from mirte_drake.visualization.figures import FIGURE_FILES, save_figures
+    from mirte_drake.wire_session import wire_to
 
-    driving.wired_robot(scenario)
+    wired_robot(scenario)
     with replacing_results(folder, (BAG, *RUN_FILES, *FIGURE_FILES)) as results:
         bag = None if no_bag else results / BAG
         with (
             driving.recording(scenario, bag=bag, live=live) as recorder,
-            driving.wire_to(scenario, own_guard=not running_guard) as (link, session),
+            wire_to(scenario, own_guard=not running_guard) as (link, session),
             click.progressbar(length=scenario.steps, label=stem, file=sys.stderr) as bar,
         ):
             run = driving.drive(
@@ -182,15 +184,14 @@ def _drive(
                 recorder=recorder,
             )
         if not run.log:
-            raise click.ClickException(run.ended)
+            fail(run.ended)
         summary = save_run(run, results)
         if not no_plots:
             save_figures(run.log, results, input_limit=scenario.input_limit)
     click.echo(summary_table(summary, tube=scenario.tube_updater is not None))
     click.echo(f"Written to {folder}")
     if run.ended:
-        click.echo(f"Error: ended early: {run.ended}", err=True)
-        sys.exit(1)
+        fail(f"ended early: {run.ended}")
 
 
 @commands.command()
@@ -206,11 +207,10 @@ def guard(
     It alone sends wheel commands, and stops the robot when the controller or the network is gone.
     Limits are those of the scenario NAME, `robot.governor`. Ends with Ctrl-C, wheels at rest.
     """
-    from mirte_drake.drive import wired_robot
     from mirte_drake.hardware.guard import run_guard
     from mirte_drake.hardware.link import Role
     from mirte_drake.hardware.wire_config import open_link
-    from mirte_drake.scenario import load_scenario
+    from mirte_drake.scenario import load_scenario, wired_robot
 
     scenario = load_scenario(name, (*transport, *wire, *overrides))
     wired = wired_robot(scenario)
@@ -224,10 +224,10 @@ def guard(
 @click.option("--reset", is_flag=True, help="Lets a guard that has stopped the robot go on.")
 def stop(transport: tuple[str, ...], wire: tuple[str, ...], reset: bool) -> None:
     """Stops all wheels at once, by the guard and by zeros of its own."""
-    from mirte_drake.drive import reset_guard, stop_all, wired_robot
     from mirte_drake.hardware.link import Role
     from mirte_drake.hardware.wire_config import open_link
-    from mirte_drake.scenario import load_scenario
+    from mirte_drake.scenario import load_scenario, wired_robot
+    from mirte_drake.wire_session import reset_guard, stop_all
 
     if not transport:
         raise UserError("--transport: is needed: ros2 or lcm")
