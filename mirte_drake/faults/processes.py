@@ -1,0 +1,77 @@
+"""Guard and controller of a trial, each a process of its own that is forked ready to run.
+
+They come from a fork server, which has imported everything and opened nothing: at the fork it has
+one thread, no DDS participant, no LCM.
+"""
+
+import multiprocessing
+import os
+import signal
+from multiprocessing.connection import Connection
+from multiprocessing.context import ForkServerContext
+from pathlib import Path
+
+from pydrake.systems.framework import Diagram
+
+from mirte_drake import drive as driving
+from mirte_drake.control.nmpc_solver import make_nmpc_solver
+from mirte_drake.faults.deaf_link import DeafLink
+from mirte_drake.faults.sabotage import Orders, Sabotage, Saboteur
+from mirte_drake.hardware.guard import run_guard
+from mirte_drake.hardware.link import Role
+from mirte_drake.hardware.wire_config import open_link
+from mirte_drake.scenario import Scenario, wired_robot
+from mirte_drake.systems.nominal_nmpc import NominalNmpc
+from mirte_drake.wire_session import wire_to
+
+PRELOADED = ["mirte_drake.faults.processes", "mirte_drake.faults.trial"]
+LIFETIME = 30  # [s] Nobody is left behind should the trial die.
+
+
+def fork_server() -> ForkServerContext:
+    """Returns where processes come from."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(PRELOADED)
+    return context
+
+
+def guard_process(scenario: Scenario, orders: Orders) -> None:
+    """Runs a guard, as `mirte-drake guard` does; it hears no controller once that is ordered."""
+    _begin()
+    robot = wired_robot(scenario)
+    with open_link(robot.wire, Role.GUARD) as link:
+        run_guard(DeafLink(link, orders), robot.governor, scenario.first_pose)
+
+
+def controller_process(
+    scenario: Scenario, sabotage: Sabotage | None, orders: Orders, told: Connection
+) -> None:
+    """Drives a scenario, as `mirte-drake drive --running-guard` does, and tells how it ended."""
+    _begin()
+
+    def sabotaged(diagram: Diagram) -> None:
+        if sabotage is not None:
+            nmpc = diagram.GetSubsystemByName("controller").GetSubsystemByName("nominal_nmpc")
+            assert isinstance(nmpc, NominalNmpc)
+            solver = make_nmpc_solver(nmpc.problem, scenario.nominal_nmpc.solver)
+            nmpc.use_solver(Saboteur(solver, sabotage, orders))
+
+    try:
+        with wire_to(scenario, own_guard=False) as (link, session):
+            run = driving.drive(scenario, "faults", link, session, on_diagram=sabotaged)
+        told.send(run.ended or "the path is at its end")
+    except Exception as error:
+        told.send(f"{type(error).__name__}: {error}")
+
+
+def _begin() -> None:
+    """Checks where this process comes from, and limits its life.
+
+    Raises:
+        RuntimeError: when the fork server has threads, which do not survive a fork.
+    """
+    signal.alarm(LIFETIME)
+    status = Path(f"/proc/{os.getppid()}/status").read_text()
+    threads = int(status.partition("Threads:")[2].split()[0])
+    if threads != 1:
+        raise RuntimeError(f"the fork server has {threads} threads; set OMP_NUM_THREADS=1")
