@@ -119,7 +119,7 @@ class Governor:
         self._check_times(now)
         may_begin = self._phase in (Phase.WAITING, Phase.FINISHED)
         if may_begin and command.session not in self._sessions and self._odometry_is_good(now):
-            self._begin(command.session, now)
+            self._begin(command, now)
         if self._phase is not Phase.DRIVING:
             return
         drive = self._drive
@@ -191,13 +191,14 @@ class Governor:
             rejected=self._rejected,
         )
 
-    def _begin(self, session: int, now: float) -> None:
+    def _begin(self, command: DriveCommand, now: float) -> None:
         assert self._track is not None
         self._phase = Phase.DRIVING
-        self._sessions.add(session)
+        self._sessions.add(command.session)
         self._drive = _Drive(
-            session=session,
+            session=command.session,
             frame=path_frame(self._track.last.pose, self._start),
+            sequence=command.sequence - 1,
             heartbeat=now,
             output_at=now,
         )
