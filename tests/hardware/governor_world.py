@@ -25,6 +25,7 @@ REACH = 0.4  # [m] Half a side of the allowed area.
 OFF, TURNED = 0.5, 0.8  # [m], [rad]
 BREAKAWAY, FROZEN = 40.0, 0.5  # [pwm], [s]
 FAILURES = 3
+STILL = [0, 0, 0, 0]
 START = (0.1, -0.2, 0.5)
 TINY = 1e-5  # What the float of a stamp loses is 2.4e-7 s.
 
@@ -74,7 +75,7 @@ class World:
         self.over = set()  # Sessions that must not drive again.
         self.done_heard = set()  # Sessions that may be over.
         self.latched = False
-        self.held = np.zeros(4)
+        self.held = STILL
         self.passed, self.passed_at = (0, 0), NEVER
         self.looked = self.now
         self.status = self.governor.output(self.now)[1]
@@ -315,7 +316,7 @@ class World:
         if command is not None:
             self.judge_command(command)
         status = self.status
-        assert status.command.tolist() == self.held.tolist()
+        assert status.command.tolist() == self.held
         assert bool(status.reason) == status.stopped
 
         silence = self.now - self.heartbeat.get(status.session, NEVER)
@@ -323,7 +324,7 @@ class World:
         old = age > AGE + TINY or (self.honest and self.now - self.measured > AGE + TINY)
         must_stop = old or silence > AGE + TINY or (stalled and was_driving)
         if must_stop or self.latched or status.stopped or status.session in self.over:
-            assert not self.held.any(), "the wheels turn where they must not"
+            assert self.held == STILL, "the wheels turn where they must not"
         if self.latched or (was_driving and must_stop):
             assert status.stopped, "no stop where one is due"
         if status.stopped:
@@ -335,18 +336,20 @@ class World:
     def judge_command(self, command):
         assert command.shape == (4,)
         assert command.dtype.kind == "i"
-        assert np.all(np.abs(command) <= 100)
+        command = command.tolist()
         number = self.status.session, self.status.sequence
         new = number != self.passed and number in self.wanted
-        if command.any():
+        if command != STILL:
             assert new, "a command that nobody gave"
+            assert max(map(abs, command)) <= 100
             assert any(self.is_towards(wanted, command) for wanted in self.wanted[number])
             first = number[0] != self.passed[0]
             elapsed = SLEW_TIME if first else min(self.now - self.passed_at, SLEW_TIME)
-            assert np.all(np.abs(command - self.held) <= SLEW * elapsed + TINY)
+            change = max(abs(u - held) for u, held in zip(command, self.held, strict=True))
+            assert change <= SLEW * elapsed + TINY
         if new:
             self.passed, self.passed_at = number, self.now
-        self.held = np.array(command)
+        self.held = command
         u1, u2, u3, u4 = command
         useless = (u1 + u2 - u3 - u4) / 4
         pushing = math.sqrt(max(sum(u * u for u in command) / 4 - useless**2, 0.0))
@@ -357,9 +360,9 @@ class World:
 
     def is_towards(self, wanted, command):
         """Whether a command is what was wanted, or between that and the one before."""
-        whole = np.clip(np.rint(wanted), -100, 100)
-        low, high = np.minimum(self.held, whole), np.maximum(self.held, whole)
-        return np.all((low <= command) & (command <= high))
+        whole = [min(max(round(u), -100), 100) for u in wanted]
+        both = zip(self.held, whole, command, strict=True)
+        return all(min(held, u) <= sent <= max(held, u) for held, u, sent in both)
 
 
 # What a byte stands for: mostly all is well, so that other things happen to a robot that drives.
