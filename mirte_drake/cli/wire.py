@@ -20,6 +20,7 @@ from mirte_drake.cli.options import (
 from mirte_drake.errors import UserError
 
 if TYPE_CHECKING:
+    from mirte_drake.hardware.link import Link
     from mirte_drake.scenario import Scenario
 
 BAG = "drive.mcap"
@@ -31,6 +32,12 @@ running_guard_option = click.option(
 )
 no_bag_option = click.option("--no-bag", is_flag=True, help="Records no bag.")
 live_option = click.option("--live", is_flag=True, help="Lets Foxglove look on, at port 8765.")
+
+
+def warn_of_exposure(link: "Link") -> None:
+    """Says who beyond this machine can speak on the wire."""
+    if link.exposure:
+        click.echo(f"note: {link.exposure}", err=True)
 
 
 @commands.command()
@@ -65,6 +72,7 @@ def robot(
     scenario = load_scenario(name, (*robot, *overrides))
     with open_link(wired.wire, Role.ROBOT) as link, interruption() as watch:
         stand_in = StandIn(scenario, link)
+        warn_of_exposure(link)
         click.echo(f"{type(scenario.robot).__name__} is on the wire; Ctrl-C ends it", err=True)
         end = time.monotonic() + (np.inf if duration is None else duration)
         with suppress(WireStopped):
@@ -175,6 +183,7 @@ def _drive(
             wire_to(scenario, own_guard=not running_guard) as (link, session),
             click.progressbar(length=scenario.steps, label=stem, file=sys.stderr) as bar,
         ):
+            warn_of_exposure(link)
             run = driving.drive(
                 scenario,
                 stem,
@@ -215,6 +224,7 @@ def guard(
     scenario = load_scenario(name, (*transport, *wire, *overrides))
     wired = wired_robot(scenario)
     with open_link(wired.wire, Role.GUARD) as link:
+        warn_of_exposure(link)
         run_guard(link, wired.governor, scenario.first_pose)
 
 
