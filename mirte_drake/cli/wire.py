@@ -118,7 +118,7 @@ def drive(
     """
     from mirte_drake.scenario import load_scenario, scenario_stem
 
-    scenario = load_scenario(name, (*transport, *wire, *overrides))
+    scenario = load_scenario(name, (*transport, *overrides, *wire))
     stem = scenario_stem(name)
     _drive(scenario, stem, output or Path("runs") / stem, running_guard, live, no_bag, no_plots)
 
@@ -153,7 +153,7 @@ def setpoint(
         f"reference=!VelocitySetpointConfig {{setpoint: {list(velocity)}}}",
         f"duration={duration}",
     )
-    scenario = load_scenario(name, (*reference, *transport, *wire, *overrides))
+    scenario = load_scenario(name, (*reference, *transport, *overrides, *wire))
     _drive(scenario, "setpoint", output or Path("runs/setpoint"), running_guard, live, no_bag, True)
 
 
@@ -221,7 +221,7 @@ def guard(
     from mirte_drake.hardware.wire_config import open_link
     from mirte_drake.scenario import load_scenario, wired_robot
 
-    scenario = load_scenario(name, (*transport, *wire, *overrides))
+    scenario = load_scenario(name, (*transport, *overrides, *wire))
     wired = wired_robot(scenario)
     with open_link(wired.wire, Role.GUARD) as link:
         warn_of_exposure(link)
