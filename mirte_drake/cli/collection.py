@@ -61,7 +61,7 @@ def collect(
         excitation.validate()
     except ValueError as error:
         raise UserError(f"--{error}") from None
-    scenario = load_scenario(name, (*robot, *transport, *wire, *overrides))
+    scenario = load_scenario(name, (*robot, *transport, *overrides, *wire))
     stem = scenario_stem(name)
     output = output or Path("runs") / f"{stem}.csv"
     rows = num_samples(excitation)

@@ -5,7 +5,14 @@ from pathlib import Path
 
 import click
 
-from mirte_drake.cli.options import commands, output_option, robot_option, set_option
+from mirte_drake.cli.options import (
+    commands,
+    output_option,
+    robot_option,
+    set_option,
+    transport_option,
+    wire_option,
+)
 
 
 @commands.command()
@@ -69,12 +76,16 @@ def simulate(
     help="1 draws the controller as one block, 2 looks into it.",
 )
 @robot_option
+@transport_option
+@wire_option
 @set_option
 @output_option
 def diagram(
     name: str,
     depth: int,
     robot: tuple[str, ...],
+    transport: tuple[str, ...],
+    wire: tuple[str, ...],
     overrides: tuple[str, ...],
     output: Path | None,
 ) -> None:
@@ -83,7 +94,7 @@ def diagram(
     from mirte_drake.scenario import load_scenario, scenario_stem
     from mirte_drake.visualization.diagram_picture import save_diagram_picture
 
-    scenario = load_scenario(name, (*robot, *overrides))
+    scenario = load_scenario(name, (*robot, *transport, *overrides, *wire))
     stem = (output or Path("diagrams")) / scenario_stem(name)
     for path in save_diagram_picture(MakeDiagram(scenario), stem, depth):
         click.echo(path)

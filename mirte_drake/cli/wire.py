@@ -20,6 +20,7 @@ from mirte_drake.cli.options import (
 from mirte_drake.errors import UserError
 
 if TYPE_CHECKING:
+    from mirte_drake.hardware.link import Link
     from mirte_drake.scenario import Scenario
 
 BAG = "drive.mcap"
@@ -31,6 +32,12 @@ running_guard_option = click.option(
 )
 no_bag_option = click.option("--no-bag", is_flag=True, help="Records no bag.")
 live_option = click.option("--live", is_flag=True, help="Lets Foxglove look on, at port 8765.")
+
+
+def warn_of_exposure(link: "Link") -> None:
+    """Says who beyond this machine can speak on the wire."""
+    if link.exposure:
+        click.echo(f"note: {link.exposure}", err=True)
 
 
 @commands.command()
@@ -65,6 +72,7 @@ def robot(
     scenario = load_scenario(name, (*robot, *overrides))
     with open_link(wired.wire, Role.ROBOT) as link, interruption() as watch:
         stand_in = StandIn(scenario, link)
+        warn_of_exposure(link)
         click.echo(f"{type(scenario.robot).__name__} is on the wire; Ctrl-C ends it", err=True)
         end = time.monotonic() + (np.inf if duration is None else duration)
         with suppress(WireStopped):
@@ -110,7 +118,7 @@ def drive(
     """
     from mirte_drake.scenario import load_scenario, scenario_stem
 
-    scenario = load_scenario(name, (*transport, *wire, *overrides))
+    scenario = load_scenario(name, (*transport, *overrides, *wire))
     stem = scenario_stem(name)
     _drive(scenario, stem, output or Path("runs") / stem, running_guard, live, no_bag, no_plots)
 
@@ -145,7 +153,7 @@ def setpoint(
         f"reference=!VelocitySetpointConfig {{setpoint: {list(velocity)}}}",
         f"duration={duration}",
     )
-    scenario = load_scenario(name, (*reference, *transport, *wire, *overrides))
+    scenario = load_scenario(name, (*reference, *transport, *overrides, *wire))
     _drive(scenario, "setpoint", output or Path("runs/setpoint"), running_guard, live, no_bag, True)
 
 
@@ -175,6 +183,7 @@ def _drive(
             wire_to(scenario, own_guard=not running_guard) as (link, session),
             click.progressbar(length=scenario.steps, label=stem, file=sys.stderr) as bar,
         ):
+            warn_of_exposure(link)
             run = driving.drive(
                 scenario,
                 stem,
@@ -212,9 +221,10 @@ def guard(
     from mirte_drake.hardware.wire_config import open_link
     from mirte_drake.scenario import load_scenario, wired_robot
 
-    scenario = load_scenario(name, (*transport, *wire, *overrides))
+    scenario = load_scenario(name, (*transport, *overrides, *wire))
     wired = wired_robot(scenario)
     with open_link(wired.wire, Role.GUARD) as link:
+        warn_of_exposure(link)
         run_guard(link, wired.governor, scenario.first_pose)
 
 

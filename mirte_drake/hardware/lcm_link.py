@@ -103,6 +103,11 @@ class LcmLink(Link):
         self.lcm = open_lcm(config.url) if lcm is None else lcm
         group = MULTICAST_URL.fullmatch(self.lcm.get_lcm_url())
         self.interfaces = listening_interfaces(group[1]) if group else ()
+        if beyond := [name for name in self.interfaces if name != "lo"]:
+            self.exposure = (
+                f"LCM lets in whoever is on the network of {', '.join(beyond)}; "
+                "`ip route add 224.0.0.0/4 dev lo` keeps it to this machine"
+            )
         self._prefix = config.prefix
         self._sender = secrets.randbits(63)
         self._open = True

@@ -8,6 +8,7 @@ from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 
 from mirte_drake.hardware.dds_node import DdsNode, take, write
+from mirte_drake.hardware.dds_participant import LOOPBACK
 from mirte_drake.hardware.link import RECEIVES, SENDS, Link, Role
 from mirte_drake.hardware.messages import Message, PlanView, WheelCommand
 from mirte_drake.hardware.ros2_channels import VIEWS, channels
@@ -42,6 +43,8 @@ class Ros2Link(Link):
         """
         config.validate()
         super().__init__(role)
+        if config.interface != LOOPBACK:
+            self.exposure = f"whoever is on the network of {config.interface} can speak here"
         self._node = DdsNode(config)
         self._users = MotorUsers(self._node, config.namespace)
         self._wheel_writer = WheelCommandWriter(self._node, config.namespace)

@@ -49,26 +49,29 @@ def MakeLcmRobot(config: LcmRobotConfig, adapter: WireRobot, link: "LcmLink") ->
     builder = DiagramBuilder()
     builder.AddNamedSystem("adapter", adapter)
 
-    def subscriber(kind: type) -> LcmSubscriberSystem:
+    def subscriber(name: str, kind: type) -> LcmSubscriberSystem:
         system = LcmSubscriberSystem(
             channel(config.wire.prefix, kind), MessageSerializer(kind), link.lcm, 0.0
         )
-        return builder.AddSystem(system)
+        return builder.AddNamedSystem(name, system)
 
-    def publisher(kind: type) -> LcmPublisherSystem:
+    def publisher(name: str, kind: type) -> LcmPublisherSystem:
         triggers = {TriggerType.kForced}  # See LinkSink.
-        serializer = MessageSerializer(kind)
         system = LcmPublisherSystem(
-            channel(config.wire.prefix, kind), serializer, link.lcm, triggers, 0.0
+            channel(config.wire.prefix, kind), MessageSerializer(kind), link.lcm, triggers, 0.0
         )
-        return builder.AddSystem(system)
+        return builder.AddNamedSystem(name, system)
 
+    odometry = subscriber("odometry_subscriber", Odometry)
+    status = subscriber("guard_status_subscriber", GuardStatus)
+    command = publisher("drive_command_publisher", DriveCommand)
+    view = publisher("plan_view_publisher", PlanView)
     return MakeWiredRobot(
         "lcm_robot",
         builder,
         adapter,
-        odometry=subscriber(Odometry).get_output_port(),
-        guard_status=subscriber(GuardStatus).get_output_port(),
-        drive_command=publisher(DriveCommand).get_input_port(),
-        plan_view=publisher(PlanView).get_input_port(),
+        odometry=odometry.get_output_port(),
+        guard_status=status.get_output_port(),
+        drive_command=command.get_input_port(),
+        plan_view=view.get_input_port(),
     )
