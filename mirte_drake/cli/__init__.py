@@ -12,6 +12,7 @@ from mirte_drake.cli import (  # noqa: F401 They add their commands.
     benchmark,
     collection,
     comparison,
+    faults,
     identification,
     robot_export,
     robot_fit,

@@ -44,6 +44,7 @@ class Kind:
     strangers: tuple[Role | type, ...] = ()
     from_start: bool = False  # The fault is there before the drive begins.
     overrides: tuple[str, ...] = ()  # Of the scenario.
+    begin: tuple[float, float] = (0.6, 1.5)  # [s] Of a drive, between which the fault begins.
     observe: float = 1.2  # [s] After the fault began.
     evidence: Callable[[Record], bool] | None = None  # Of the fault; None: see ``took_place``.
 
@@ -68,8 +69,7 @@ def stops(name: str, since: str, reason: str | tuple[str, ...], oracle: Oracle, 
     """
     reasons = (reason,) if isinstance(reason, str) else reason
     within = more.get("within", WITHIN)
-    words = f"zero within {within:g} s of {since}; reason: {' or '.join(reasons)}"
-    return Kind(name, words, oracle, reasons, **more)
+    return Kind(name, _due(within, since, reasons), oracle, reasons, **more)
 
 
 def drives_on(name: str, **more: Any) -> Kind:  # noqa: ANN401
@@ -81,18 +81,29 @@ def drives_on(name: str, **more: Any) -> Kind:  # noqa: ANN401
     return Kind(name, "drives on", last_good_odometry, ("odometry is old",), **more)
 
 
-def depends(name: str, when: str, reason: str, oracle: Oracle, **more: Any) -> Kind:  # noqa: ANN401
+def depends(
+    name: str,
+    when: str,
+    reasons: tuple[str, ...],
+    oracle: Oracle,
+    **more: Any,  # noqa: ANN401
+) -> Kind:
     """Returns a kind of which the oracle knows, for each trial, whether a stop is due.
 
     Args:
         name: Its name.
         when: When a stop is due, in words.
-        reason: Words that the reason of a stop has.
+        reasons: Of which the reason of a stop has one.
         oracle: When the stop is due.
         more: Of Kind.
     """
-    words = f"zero within {WITHIN:g} s of {when}; reason: {reason}; else drives on"
-    return Kind(name, words, oracle, (reason,), **more)
+    words = _due(WITHIN, when, reasons) + "; else drives on"
+    return Kind(name, words, oracle, reasons, **more)
+
+
+def _due(within: float, since: str, reasons: tuple[str, ...]) -> str:
+    reason = " or ".join(filter(None, reasons)) or "nobody is left to tell"
+    return f"zero within {within:g} s of {since}; reason: {reason}"
 
 
 def yaw_crosses(record: Record) -> bool:
@@ -103,6 +114,7 @@ def yaw_crosses(record: Record) -> bool:
 
 def _is_altered(record: Record) -> bool:
     sent = [s for s in record.odometry if s.sent >= record.fault]
-    times = [record.fault, *(s.sent for s in sent), record.end]
+    before = [s.sent for s in record.odometry if s.sent < record.fault]
+    times = [*before[-1:], *(s.sent for s in sent), record.end]
     gap = max(later - earlier for earlier, later in itertools.pairwise(times))
     return gap > USUAL_GAP or any(s.altered or not s.good for s in sent)

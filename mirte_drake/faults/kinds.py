@@ -17,7 +17,7 @@ from mirte_drake.faults.oracle import (
     last_heartbeat,
     off_reference,
     outside,
-    slow_solves,
+    swapped_odometry,
 )
 from mirte_drake.faults.sabotage import Sabotage
 from mirte_drake.hardware.link import Role
@@ -32,6 +32,7 @@ BABBLE = np.arange(0.0, 1.0, 0.037)  # [s] When messages without sense come.
 STOPPED = 2.0  # [s] How long a process is stopped.
 
 GOOD, OLD = "the last good odometry", "odometry is old"
+ANSWERS_OLD = "command answers old odometry"  # Where the older of two came last.
 SILENT = "controller is silent"
 GUARD_GONE = "the guard has said nothing"
 
@@ -60,7 +61,12 @@ def _old_odometry(name: str, fault: odometry.OdometryFault, **more: object) -> K
 
 def _late_odometry(name: str, fault: odometry.OdometryFault) -> Kind:
     when = f"{GOOD} where the next one is older than 0.25 s"
-    return depends(name, when, OLD, last_good_odometry, odometry=fault, observe=2.0)
+    return depends(name, when, (OLD, ANSWERS_OLD), swapped_odometry, odometry=fault, observe=2.0)
+
+
+def _silent_controller(name: str, act: sabotage.Act) -> Kind:
+    """Returns a kind in which two commands are more than 0.25 s apart."""
+    return stops(name, "its last command", SILENT, last_heartbeat, sabotage=Sabotage(act))
 
 
 _KINDS = (
@@ -80,7 +86,7 @@ _KINDS = (
     _old_odometry("odometry_nan", odometry.not_a_number),
     _old_odometry("odometry_infinite", odometry.infinite),
     _old_odometry("odometry_huge", odometry.huge),
-    drives_on("odometry_swapped", odometry=odometry.swapped),
+    _late_odometry("odometry_swapped", odometry.swapped),
     _old_odometry("odometry_old_stamps", odometry.old_stamps),
     drives_on("odometry_late_50ms", odometry=odometry.late_by(0.05, 0.05)),
     drives_on("odometry_late_0_100ms", odometry=odometry.late_by(0.0, 0.1), observe=2.0),
@@ -101,6 +107,7 @@ _KINDS = (
         "the first odometry outside",
         "outside the allowed area",
         outside(X_MAX),
+        begin=(0.0, 0.0),
         overrides=(f"robot.governor.allowed_area=[-1, -1, {X_MAX}, 1]",),
         observe=2.5,
     ),
@@ -146,13 +153,7 @@ _KINDS = (
         act_number(1),
         sabotage=Sabotage(sabotage.throw),
     ),
-    stops(
-        "controller_hangs",
-        "its last command",
-        SILENT,
-        last_heartbeat,
-        sabotage=Sabotage(sabotage.hang),
-    ),
+    _silent_controller("controller_hangs", sabotage.hang),
     drives_on("solver_fails_twice", sabotage=Sabotage(sabotage.fail, times=2)),
     stops(
         "solver_fails",
@@ -161,25 +162,13 @@ _KINDS = (
         act_number(3),
         sabotage=Sabotage(sabotage.fail),
     ),
-    depends(
-        "solves_take_150ms",
-        "a command that answers odometry older than 0.25 s",
-        "command answers old odometry",
-        slow_solves(0.15),
-        sabotage=Sabotage(sabotage.take(0.15)),
-        observe=2.0,
-    ),
-    stops(
-        "solves_take_400ms",
-        "the last command",
-        SILENT,
-        slow_solves(0.4),
-        sabotage=Sabotage(sabotage.take(0.4)),
-    ),
+    drives_on("solves_take_80ms", sabotage=Sabotage(sabotage.take(0.08)), observe=2.0),
+    _silent_controller("solves_take_150ms", sabotage.take(0.15)),
+    _silent_controller("solves_take_400ms", sabotage.take(0.4)),
     stops(
         "solver_gives_nan",
         "the solve",
-        "not a command",
+        "failed solves in a row",  # The limiter makes zeros of it, and no solve begins from it.
         act_number(1),
         sabotage=Sabotage(sabotage.give_nan),
     ),
@@ -211,7 +200,7 @@ _KINDS = (
     stops(
         "guard_then_controller_killed",
         "the guard's SIGKILL",
-        "",  # Nobody is left to tell.
+        "",
         at_fault,
         within=WITHIN_SIGNAL,
         steps=(_send("guard", signal.SIGKILL), _send("controller", signal.SIGKILL, 0.4)),

@@ -76,26 +76,14 @@ def act_number(number: int) -> Oracle:
     return when
 
 
-def slow_solves(duration: float) -> Oracle:
-    """Returns an oracle for solves that take longer than they should.
+def swapped_odometry(record: Record) -> Expectation:
+    """A stop is right where a command answers odometry that is too old, though newer came before.
 
-    A stop is due when the time between two commands, or the age of the odometry that a command
-    answers, is beyond what is allowed. The odometry was there before the solve began, so its age
-    cannot be known better than by one message.
-
-    Args:
-        duration: [s] of a solve.
+    The controller takes the last message that came for the newest one. Nothing is due that is not
+    by ``last_good_odometry``.
     """
-
-    def when(record: Record) -> Expectation:
-        if not record.acted:
-            return DRIVES_ON
-        if duration > MAX_AGE:
-            return last_heartbeat(record)
-        oldest = max(_answered_age(record, begun, duration) for begun in record.acted)
-        return Expectation(allowed=oldest > EARLIEST_AGE - 0.02)
-
-    return when
+    expected = last_good_odometry(record)
+    return dc.replace(expected, allowed=expected.allowed or _answers_old(record))
 
 
 def frozen_odometry(record: Record) -> Expectation:
@@ -166,10 +154,14 @@ def _ages(record: Record) -> Iterator[tuple[float, float]]:
     yield record.end - fresh, fresh
 
 
-def _answered_age(record: Record, begun: float, duration: float) -> float:
-    """Returns how old the odometry [s] is at the end of a solve that takes it as it begins."""
-    known = [sent.measured for sent in record.odometry if sent.good and sent.sent <= begun]
-    return begun + duration - max(known, default=np.inf)
+def _answers_old(record: Record) -> bool:
+    """Whether the message that came last was too old when a command came."""
+    oldest = 0.0
+    for command in record.commands:
+        came = [sent.measured for sent in record.odometry if sent.sent < command.arrival]
+        if command.arrival > record.fault and came:
+            oldest = max(oldest, command.arrival - came[-1])
+    return oldest > EARLIEST_AGE
 
 
 def _same_since(odometry: list[SentOdometry]) -> float:

@@ -24,7 +24,7 @@ from mirte_drake.scenario import Scenario, wired_robot
 from mirte_drake.systems.nominal_nmpc import NominalNmpc
 from mirte_drake.wire_session import wire_to
 
-PRELOADED = ["mirte_drake.faults.processes", "mirte_drake.faults.trial"]
+PRELOADED = ["mirte_drake.faults.preload"]
 LIFETIME = 30  # [s] Nobody is left behind should the trial die.
 
 

@@ -3,6 +3,7 @@
 import dataclasses as dc
 import time
 from collections.abc import Callable
+from functools import partial
 from multiprocessing.context import BaseContext
 
 import numpy as np
@@ -109,9 +110,11 @@ def hang(solver: NmpcSolver, data: TrackingData, guess: np.ndarray) -> NmpcSolut
 
 def take(duration: float) -> Act:
     """Returns an act: a solve takes ``duration`` [s] longer."""
+    return partial(_slowly, duration)  # Unlike a closure, it can be sent to a process.
 
-    def slowly(solver: NmpcSolver, data: TrackingData, guess: np.ndarray) -> NmpcSolution:
-        time.sleep(duration)
-        return solver.solve(data, guess)
 
-    return slowly
+def _slowly(
+    duration: float, solver: NmpcSolver, data: TrackingData, guess: np.ndarray
+) -> NmpcSolution:
+    time.sleep(duration)
+    return solver.solve(data, guess)

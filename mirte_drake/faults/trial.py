@@ -15,7 +15,6 @@ from mirte_drake.faults.record import Record
 from mirte_drake.robots.names import robot_override
 from mirte_drake.scenario import Scenario, load_scenario
 
-BEGIN = (0.6, 1.5)  # [s] Of a drive, when the fault begins.
 PATIENCE = 10.0  # [s] For the drive to begin.
 FIRST_DOMAIN, DOMAINS = 20, 60  # Of DDS: those above 100 have ports that others are given.
 FIRST_PORT, PORTS = 17_000, 2_000  # Of LCM.
@@ -64,7 +63,7 @@ def scenarios(trial: Trial, kind: Kind) -> tuple[Scenario, Scenario]:
     """Returns what is driven, and whose robot is on the wire."""
     wire = {
         "ros2": f"robot.wire.domain={FIRST_DOMAIN + trial.number % DOMAINS}",
-        "lcm": f"robot.wire.url=udpm://239.255.76.67:{FIRST_PORT + trial.number % PORTS}?ttl=0",
+        "lcm": f"robot.wire.url='udpm://239.255.76.67:{FIRST_PORT + trial.number % PORTS}?ttl=0'",
     }
     if trial.transport not in wire:
         raise UserError(f"transport: must be one of {', '.join(wire)}, got {trial.transport!r}")
@@ -83,7 +82,7 @@ def observe(bench: Bench, kind: Kind, rng: np.random.Generator) -> Record:
             return bench.finish()
         bench.run(time.monotonic() + 0.02)
     bench.record.start = start
-    bench.run(start + rng.uniform(*BEGIN))
+    bench.run(start + rng.uniform(*kind.begin))
     bench.record.fault = fault = time.monotonic()
     bench.robot.fault = kind.odometry
     if kind.sabotage is not None:
