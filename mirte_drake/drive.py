@@ -94,6 +94,7 @@ def collect_over_wire(
     seed: int | None = None,
     on_sample: Callable[[], object] = lambda: None,
     recorder: DriveRecorder | None = None,
+    clock: Callable[[], float] = time.monotonic,
 ) -> Collected:
     """Drives a robot beyond a wire through the excitation and records it; see ``collect``.
 
@@ -110,7 +111,7 @@ def collect_over_wire(
             excitation,
             seed=scenario.seed if seed is None else seed,
             on_sample=on_sample,
-            make_pace=lambda diagram: _pace(diagram, scenario, link, watch, recorder),
+            make_pace=lambda diagram: _pace(diagram, scenario, link, watch, recorder, clock),
         )
 
 
@@ -120,7 +121,7 @@ def _pace(
     link: Link,
     watch: Callable[[], None],
     recorder: DriveRecorder | None,
-    clock: Callable[[], float] = time.monotonic,
+    clock: Callable[[], float],
 ) -> WirePace:
     limits = wired_robot(scenario).governor.odometry
 
