@@ -97,6 +97,7 @@ def collect_over_wire(
     seed: int | None = None,
     on_sample: Callable[[], object] = lambda: None,
     recorder: DriveRecorder | None = None,
+    clock: Callable[[], float] = time.monotonic,
 ) -> Collected:
     """Drives a robot beyond a wire through the excitation and records it; see ``collect``.
 
@@ -113,7 +114,7 @@ def collect_over_wire(
             excitation,
             seed=scenario.seed if seed is None else seed,
             on_sample=on_sample,
-            make_pace=lambda diagram: _pace(diagram, scenario, link, watch, recorder),
+            make_pace=lambda diagram: _pace(diagram, scenario, link, watch, recorder, clock),
         )
 
 
@@ -123,7 +124,7 @@ def _pace(
     link: Link,
     watch: Callable[[], None],
     recorder: DriveRecorder | None,
-    clock: Callable[[], float] = time.monotonic,
+    clock: Callable[[], float],
 ) -> WirePace:
     limits = wired_robot(scenario).governor.odometry
 

@@ -78,22 +78,21 @@ def stop_wheels(link: Link, session: int, clock: Callable[[], float] = time.mono
     while clock() - start < patience + STOP_TIME:
         link.send(WheelCommand(nothing))
         link.wait(STOP_PERIOD)
-        time.sleep(STOP_PERIOD / 10)
 
 
-def stop_all(link: Link, duration: float = 1.0) -> str:
+def stop_all(link: Link, duration: float = 1.5, clock: Callable[[], float] = time.monotonic) -> str:
     """Asks every guard to stop and sends zeros for ``duration`` [s]; returns what is known then.
 
     Args:
         link: An operator's end of the wire.
         duration: [s], longer than discovery takes.
+        clock: [s] that messages' times of arrival are of.
     """
-    end = time.monotonic() + duration
-    while time.monotonic() < end:
+    end = clock() + duration
+    while clock() < end:
         link.send(OperatorRequest(Request.STOP))
         link.send(WheelCommand(np.zeros(len(WHEELS))))
         link.wait(STOP_PERIOD)
-        time.sleep(STOP_PERIOD / 2)
     status, odometry = link.latest(GuardStatus), link.latest(Odometry)
     guard = "no guard was heard" if status is None else f"the guard has stopped: {status.reason}"
     if odometry is None:
@@ -102,18 +101,21 @@ def stop_all(link: Link, duration: float = 1.0) -> str:
     return f"zeros sent; {guard}; the robot moves at {speed:.2f} m/s"
 
 
-def reset_guard(link: Link, timeout: float = 3.0) -> str:
+def reset_guard(
+    link: Link, timeout: float = 3.0, clock: Callable[[], float] = time.monotonic
+) -> str:
     """Lets a guard that has stopped the robot go on; returns what it says.
 
     Args:
         link: An operator's end of the wire.
         timeout: [s] for the guard to answer.
+        clock: [s] that messages' times of arrival are of.
 
     Raises:
         UserError: when no guard answers, or it stays stopped.
     """
-    end = time.monotonic() + timeout
-    while time.monotonic() < end:
+    end = clock() + timeout
+    while clock() < end:
         link.send(OperatorRequest(Request.RESET))
         link.wait(STOP_PERIOD)
         status = link.latest(GuardStatus)

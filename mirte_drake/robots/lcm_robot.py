@@ -7,7 +7,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, TriggerType
 from pydrake.systems.lcm import LcmPublisherSystem, LcmSubscriberSystem
 
 from mirte_drake.checks import check_parts
-from mirte_drake.hardware.governor import GovernorConfig
+from mirte_drake.hardware.governor_config import GovernorConfig
 from mirte_drake.hardware.messages import DriveCommand, GuardStatus, Odometry, PlanView
 from mirte_drake.hardware.wire_config import LcmWireConfig
 from mirte_drake.robots.wire_robot import WireRobot
