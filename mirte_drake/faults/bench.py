@@ -3,17 +3,23 @@
 import os
 import signal
 import time
-from multiprocessing.process import BaseProcess
 from typing import Self
 
 import numpy as np
 
-from mirte_drake.faults.babbler import Babbler
+from mirte_drake.faults.babbler import join_wire
 from mirte_drake.faults.injector import FaultyLink
-from mirte_drake.faults.processes import controller_process, fork_server, guard_process
+from mirte_drake.faults.processes import (
+    child_of,
+    controller_process,
+    fork_server,
+    guard_process,
+    is_alive,
+    waiting_time,
+)
 from mirte_drake.faults.record import Record
 from mirte_drake.faults.sabotage import Orders, Sabotage
-from mirte_drake.hardware.link import Link, Role
+from mirte_drake.hardware.link import Role
 from mirte_drake.hardware.messages import (
     DriveCommand,
     GuardStatus,
@@ -24,9 +30,11 @@ from mirte_drake.hardware.messages import (
 from mirte_drake.hardware.wire_config import open_link
 from mirte_drake.scenario import Scenario, wired_robot
 from mirte_drake.stand_in import StandIn
-from mirte_drake.vectors import POSE_SIZE, WHEELS
+from mirte_drake.vectors import WHEELS
 
-FOREIGN_COMMAND = np.array([7.0, 11.0, 13.0, 9.0])  # [pwm] None that a controller is likely to send.
+FOREIGN_COMMAND = np.array(
+    [7.0, 11.0, 13.0, 9.0]
+)  # [pwm] None that a controller is likely to send.
 HUGE_COMMAND = np.full(len(WHEELS), 1e9)  # [pwm]
 
 
@@ -46,6 +54,8 @@ class Bench:
         sabotage: Sabotage | None,
         strangers: tuple[Role | type, ...],
         rng: np.random.Generator,
+        *,
+        own_guard: bool,
     ) -> None:
         """Puts all of them on the wire.
 
@@ -56,52 +66,69 @@ class Bench:
             strangers: Who else is on the wire, silent so far: another end in a role, or someone
                 who babbles where messages of a kind are expected.
             rng: Draws what a fault leaves open.
+            own_guard: Whether the controller starts the guard, as `mirte-drake drive` does; else
+                one runs already, as with `drive --running-guard`.
         """
         wire = wired_robot(scenario).wire
         self.record = Record()
         self.robot = FaultyLink(open_link(wire, Role.ROBOT), rng)
         self._operator = open_link(wire, Role.OPERATOR)
         self._strangers = [open_link(wire, s) for s in strangers if isinstance(s, Role)]
-        self._babblers = [Babbler(wire, s, rng) for s in strangers if not isinstance(s, Role)]
+        self._babblers = [join_wire(wire, s) for s in strangers if not isinstance(s, Role)]
+        self._rng = rng
         self._scenario = robot
         self._stand_in = StandIn(robot, self.robot)
         context = fork_server()
         self.orders = Orders(context)
         self._told, told = context.Pipe(duplex=False)
-        self._processes: dict[str, BaseProcess] = {
-            "guard": context.Process(target=guard_process, args=(scenario, self.orders)),
-            "controller": context.Process(
-                target=controller_process, args=(scenario, sabotage, self.orders, told)
-            ),
-        }
-        for process in self._processes.values():
-            process.start()
+        self._guard = None
+        if not own_guard:
+            self._guard = context.Process(target=guard_process, args=(scenario, self.orders))
+            self._guard.start()
+        self._controller = context.Process(
+            target=controller_process, args=(scenario, own_guard, sabotage, self.orders, told)
+        )
+        self._controller.start()
         told.close()
+        self._own_guard: int | None = None
+        self._watched = {"robot": os.getpid()}
+        self._waited: dict[str, float] = {}
 
     def run(self, until: float) -> None:
         """Lets the robot run, and looks on, until a time [s]."""
-        while (now := time.monotonic()) < until:
+        while time.monotonic() < until:
             self._stand_in.step()
             for link in (self._operator, *self._strangers):
                 link.wait(0.0)
             self.record.statuses += self._operator.take(GuardStatus)
-            self.record.pause = max(self.record.pause, time.monotonic() - now)
-
-    def drives_since(self) -> float:
-        """Returns when [s] the first command came that is not zero; inf: none did so far."""
-        moving = (c.arrival for c in self.robot.commands if np.any(c.command))
-        return next(moving, np.inf)
+            self._watch_processes()
 
     def restart_robot(self) -> None:
         """Puts the robot at its start, wheels at rest, with sound odometry."""
         self._stand_in = StandIn(self._scenario, self.robot)
         self.robot.fault = None
 
+    def begin(self, patience: float) -> bool:
+        """Lets the robot run until the drive has begun, and says whether it has.
+
+        Args:
+            patience: [s] longest time that it may take.
+        """
+        until = time.monotonic() + patience
+        while time.monotonic() < until:
+            self.run(time.monotonic() + 0.02)
+            moving = (c.arrival for c in self.robot.commands if np.any(c.command))
+            self.record.start = next(moving, np.inf)
+            if np.isfinite(self.record.start):
+                # Whose number is known now, and not once its parent is gone.
+                self._own_guard = None if self._guard else child_of(self._pid("controller"))
+                self._watched |= {name: self._pid(name) for name in ("controller", "guard")}
+                return True
+        return False
+
     def signal(self, name: str, number: signal.Signals) -> None:
         """Sends a signal to the guard or the controller."""
-        pid = self._processes[name].pid
-        assert pid is not None
-        os.kill(pid, number)
+        os.kill(self._pid(name), number)
 
     def ask_to_stop(self) -> None:
         """Asks the guard to stop, as an operator."""
@@ -124,7 +151,7 @@ class Bench:
 
     def babble(self) -> None:
         """Sends a message without sense."""
-        self._babblers[0].babble()
+        self._babblers[0].babble(self._rng)
         self.record.malformed += 1
 
     def finish(self) -> Record:
@@ -133,8 +160,8 @@ class Bench:
         record.end = time.monotonic()
         record.odometry, record.commands = self.robot.odometry, self.robot.commands
         record.acted = self.orders.acted()
-        record.controller_alive = self._processes["controller"].is_alive()
-        record.guard_alive = self._processes["guard"].is_alive()
+        record.controller_alive = is_alive(self._pid("controller"))
+        record.guard_alive = is_alive(self._pid("guard"))
         if self._told.poll():
             try:
                 record.ended = self._told.recv()
@@ -144,11 +171,29 @@ class Bench:
 
     def close(self) -> None:
         """Ends guard and controller, and leaves the wire."""
-        for process in self._processes.values():
-            process.kill()
-            process.join()
-        for end in (self.robot, self._operator, *self._strangers, *self._babblers):
-            end.close()
+        if self._own_guard is not None and is_alive(self._own_guard):
+            os.kill(self._own_guard, signal.SIGKILL)
+        for process in (self._controller, self._guard):
+            if process is not None:
+                process.kill()
+                process.join()
+        for link in (self.robot, self._operator, *self._strangers):
+            link.close()
+        for babbler in self._babblers:
+            babbler.close()
+
+    def _watch_processes(self) -> None:
+        starved = self.record.starved
+        for name, pid in self._watched.items():
+            waited = waiting_time(pid)
+            starved[name] = max(starved.get(name, 0.0), waited - self._waited.get(name, waited))
+            self._waited[name] = waited
+
+    def _pid(self, name: str) -> int:
+        process = self._controller if name == "controller" else self._guard
+        pid = self._own_guard if process is None else process.pid
+        assert pid is not None
+        return pid
 
     def _send_command(self, session: int, sequence: int, command: np.ndarray) -> None:
         odometry = self.robot.odometry[-1].message

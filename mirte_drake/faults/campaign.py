@@ -9,13 +9,19 @@ from pathlib import Path
 import numpy as np
 
 from mirte_drake.faults.kinds import KINDS
-from mirte_drake.faults.processes import fork_server
+from mirte_drake.faults.processes import fork_server, prepare_worker
 from mirte_drake.faults.trial import Outcome, Trial, run_trial
 from mirte_drake.files import replacing
 from mirte_drake.run import versions
 
 # Trials that a process serves: its robots' Diagrams are never freed.
 BATCH = 25
+COLUMNS = (
+    *("kind", "transport", "seed", "run"),
+    *("passed", "stop_due", "stop_time_s"),
+    *("reason", "problems"),
+    *("fault_s", "starved_s"),
+)
 
 
 def trials(kinds: Iterable[str], transport: str, runs: int, seed: int) -> list[Trial]:
@@ -34,7 +40,9 @@ def run_campaign(
         jobs: So many run at once, each on a wire of its own.
         on_trial: Called after each, for a progress bar.
     """
-    with ProcessPoolExecutor(jobs, mp_context=fork_server(), max_tasks_per_child=BATCH) as pool:
+    with ProcessPoolExecutor(
+        jobs, mp_context=fork_server(), initializer=prepare_worker, max_tasks_per_child=BATCH
+    ) as pool:
         pending = {pool.submit(run_trial, trial): trial for trial in todo}
         outcomes = []
         for future in as_completed(pending):
@@ -72,7 +80,8 @@ def _row(kind: str, outcomes: Sequence[Outcome]) -> dict[str, object]:
 
 def _short(reason: str) -> str:
     """Returns a reason without its numbers, so that equal ones can be counted."""
-    return reason.partition(":")[0].partition(",")[0] if reason else "drove on"
+    words = reason.partition(":")[0].partition(",")[0].split(" for ")[0]
+    return words or "no reason"
 
 
 def report_text(summary: dict) -> str:
@@ -112,14 +121,29 @@ def save_trials(outcomes: Sequence[Outcome], path: Path) -> None:
     """
     with replacing(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow(
-            ["kind", "transport", "seed", "run", "passed", "stop_due", "stop_time_s", "reason"]
-            + ["problems", "fault_s", "recorder_pause_s"]
-        )
+        writer.writerow(COLUMNS)
         for outcome in outcomes:
             trial, verdict = outcome.trial, outcome.verdict
-            writer.writerow(
-                [trial.kind, trial.transport, trial.seed, trial.run, verdict.passed, verdict.due]
-                + [verdict.stop_time, verdict.reason, "; ".join(verdict.problems)]
-                + [outcome.fault, outcome.pause]
+            row = (
+                *(trial.kind, trial.transport, trial.seed, trial.run),
+                *(verdict.passed, verdict.due, verdict.stop_time),
+                *(verdict.reason, "; ".join(verdict.problems)),
+                *(outcome.fault, outcome.starved),
             )
+            writer.writerow(row)
+
+
+def save_failures(outcomes: Sequence[Outcome], path: Path) -> None:
+    """Writes what happened in the trials that failed, complete or not at all.
+
+    Raises:
+        UserError: when the file cannot be written.
+    """
+    lines = []
+    for outcome in outcomes:
+        if not outcome.verdict.passed:
+            trial = outcome.trial
+            lines += [f"{trial.kind}, run {trial.run}: {'; '.join(outcome.verdict.problems)}"]
+            lines += [*outcome.timeline, ""]
+    with replacing(path) as temporary:
+        temporary.write_text("\n".join(lines), encoding="utf-8")

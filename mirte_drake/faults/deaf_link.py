@@ -17,7 +17,8 @@ class DeafLink(Link):
         """Returns as soon as something has come, True, or after ``timeout`` [s], False."""
         came = self._link.wait(timeout)
         for kind in RECEIVES[self.role]:
-            for message in self._link.take(kind):
+            messages: list[Message] = self._link.take(kind)
+            for message in messages:
                 if not (self._orders.deaf and kind is DriveCommand):
                     self._deliver(message)
         return came

@@ -16,6 +16,7 @@ SLEW_TIME = 0.1  # [s] Longest time between two commands that counts for the sle
 JITTER = 0.01  # [s] Of arrivals: two commands may come closer together than they were sent.
 BURST = 0.005  # [s] The wheels have topics of their own: one command comes in parts.
 STILL_DRIVING = 0.25  # [s] Who drives has sent a command within this time.
+DROVE_ON = "drove on"
 FOREIGN_TIME = 0.1  # [s] A stranger's command is on the wire so soon after it was sent.
 
 
@@ -25,7 +26,7 @@ class Verdict:
 
     due: bool  # Whether a stop was due.
     stop_time: float  # [s] From the instant that made it due to zeros on the wire; NaN: none.
-    reason: str  # Why it stopped, in its own words; empty: it did not.
+    reason: str  # Why it stopped, in its own words; "drove on": it did not.
     problems: tuple[str, ...]  # What went wrong; empty: nothing.
 
     @property
@@ -57,7 +58,7 @@ def judge(
             problems.append(f"zero on the wire {late:.3f} s after it was due (limit {within} s)")
     else:
         problems += _drive_problems(record, zeros, reason)
-        reason = ""
+        reason = reason or DROVE_ON
     stop_time = zeros - expected.since if expected.due else np.nan
     return Verdict(expected.due, stop_time, reason, tuple(problems))
 
@@ -112,9 +113,7 @@ def _is_foreign(command: WheelCommand, foreign: Sequence[WheelCommand]) -> bool:
     )
 
 
-def _stop_problems(
-    record: Record, zeros: float, reason: str, reasons: Sequence[str]
-) -> list[str]:
+def _stop_problems(record: Record, zeros: float, reason: str, reasons: Sequence[str]) -> list[str]:
     """Returns what is wrong with a stop, but for its time."""
     problems = []
     if not np.isfinite(zeros):

@@ -42,6 +42,7 @@ class Kind:
     steps: tuple[Step, ...] = ()
     # Who else is on the wire: an end in a role, or one who babbles as if it were such a message.
     strangers: tuple[Role | type, ...] = ()
+    deafens: bool = False  # The guard is one that can be made deaf, none of the controller's.
     from_start: bool = False  # The fault is there before the drive begins.
     overrides: tuple[str, ...] = ()  # Of the scenario.
     begin: tuple[float, float] = (0.6, 1.5)  # [s] Of a drive, between which the fault begins.
@@ -57,7 +58,13 @@ class Kind:
         return bool(record.acted) or self.sabotage is None
 
 
-def stops(name: str, since: str, reason: str | tuple[str, ...], oracle: Oracle, **more: Any) -> Kind:  # noqa: ANN401
+def stops(
+    name: str,
+    since: str,
+    reason: str | tuple[str, ...],
+    oracle: Oracle,
+    **more: Any,  # noqa: ANN401
+) -> Kind:
     """Returns a kind that must stop the robot.
 
     Args:

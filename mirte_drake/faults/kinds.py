@@ -8,7 +8,15 @@ from mirte_drake.errors import UserError
 from mirte_drake.faults import odometry_faults as odometry
 from mirte_drake.faults import sabotage
 from mirte_drake.faults.bench import HUGE_COMMAND, Bench
-from mirte_drake.faults.kind import WITHIN_SIGNAL, Kind, Step, depends, drives_on, stops, yaw_crosses
+from mirte_drake.faults.kind import (
+    WITHIN_SIGNAL,
+    Kind,
+    Step,
+    depends,
+    drives_on,
+    stops,
+    yaw_crosses,
+)
 from mirte_drake.faults.oracle import (
     act_number,
     at_fault,
@@ -99,9 +107,7 @@ _KINDS = (
     drives_on("clock_1h_forward", odometry=odometry.clock_steps_by(3600.0)),
     _old_odometry("clock_1h_back", odometry.clock_steps_by(-3600.0)),
     drives_on("clock_50ms", odometry=odometry.clock_steps_by(0.05, either_way=True)),
-    _old_odometry(
-        "robot_restarts", odometry.silent, steps=(Step(_restart, 1.0),), observe=2.5
-    ),
+    _old_odometry("robot_restarts", odometry.silent, steps=(Step(_restart, 1.0),), observe=2.5),
     stops(
         "robot_leaves_area",
         "the first odometry outside",
@@ -187,6 +193,7 @@ _KINDS = (
         at_fault,
         within=WITHIN_SIGNAL,
         steps=(_send("guard", signal.SIGKILL),),
+        observe=2.0,  # The controller repeats its zeros before it ends.
     ),
     stops(
         "guard_sigstop",
@@ -230,6 +237,7 @@ _KINDS = (
         SILENT,
         last_heartbeat,
         steps=(Step(lambda bench: bench.orders.deafen()),),
+        deafens=True,
     ),
     stops(
         "operator_stops",

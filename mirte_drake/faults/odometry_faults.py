@@ -21,9 +21,8 @@ def silent(passing: Passing) -> list[Sending]:
 
 def frozen(passing: Passing) -> list[Sending]:
     """Pose and velocity stay what they were; stamps go on."""
-    before = passing.before
-    values = {"pose": before.pose, "body_velocity": before.body_velocity}
-    return [_altered(passing.odometry, **values)]
+    pose, velocity = passing.before.pose, passing.before.body_velocity
+    return [_altered(passing.odometry, pose=pose, body_velocity=velocity)]
 
 
 def repeated(passing: Passing) -> list[Sending]:

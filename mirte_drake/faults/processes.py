@@ -7,6 +7,8 @@ one thread, no DDS participant, no LCM.
 import multiprocessing
 import os
 import signal
+import sys
+from contextlib import suppress
 from multiprocessing.connection import Connection
 from multiprocessing.context import ForkServerContext
 from pathlib import Path
@@ -44,9 +46,13 @@ def guard_process(scenario: Scenario, orders: Orders) -> None:
 
 
 def controller_process(
-    scenario: Scenario, sabotage: Sabotage | None, orders: Orders, told: Connection
+    scenario: Scenario,
+    own_guard: bool,
+    sabotage: Sabotage | None,
+    orders: Orders,
+    told: Connection,
 ) -> None:
-    """Drives a scenario, as `mirte-drake drive --running-guard` does, and tells how it ended."""
+    """Drives a scenario, as `mirte-drake drive` does, and tells how it ended."""
     _begin()
 
     def sabotaged(diagram: Diagram) -> None:
@@ -57,15 +63,63 @@ def controller_process(
             nmpc.use_solver(Saboteur(solver, sabotage, orders))
 
     try:
-        with wire_to(scenario, own_guard=False) as (link, session):
+        with wire_to(scenario, own_guard=own_guard) as (link, session):
             run = driving.drive(scenario, "faults", link, session, on_diagram=sabotaged)
         told.send(run.ended or "the path is at its end")
     except Exception as error:
         told.send(f"{type(error).__name__}: {error}")
 
 
+def child_of(pid: int) -> int:
+    """Returns the number of the only child of a process.
+
+    Raises:
+        RuntimeError: when it has none, or several.
+    """
+    children = [
+        int(folder.name)
+        for folder in Path("/proc").glob("[0-9]*")
+        if _stat(folder)[1:2] == [f"{pid}"]
+    ]
+    if len(children) != 1:
+        raise RuntimeError(f"process {pid} has {len(children)} children, not one")
+    return children[0]
+
+
+def is_alive(pid: int) -> bool:
+    """Whether a process is there and has not ended."""
+    return _stat(Path(f"/proc/{pid}"))[:1] not in ([], ["Z"])
+
+
+def _stat(folder: Path) -> list[str]:
+    """Returns state and parent of a process; nothing where there is none."""
+    try:
+        return (folder / "stat").read_text().rpartition(")")[2].split()[:2]
+    except OSError:
+        return []
+
+
+def waiting_time(pid: int) -> float:
+    """Returns how long [s] a process has been ready to run and got no processor so far."""
+    try:
+        return 1e-9 * int(Path(f"/proc/{pid}/schedstat").read_text().split()[1])
+    except OSError:
+        return 0.0
+
+
+def prepare_worker() -> None:
+    """Prepares a process for trials: it is as punctual as a robot, and says nothing.
+
+    Of a fault there is much to say, by guards and by DDS. What is punctual depends on nobody else
+    on this machine, where it may; processes that it starts are like any others.
+    """
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())
+    with suppress(OSError):
+        os.sched_setscheduler(0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, os.sched_param(1))
+
+
 def _begin() -> None:
-    """Checks where this process comes from, and limits its life.
+    """Checks where this process comes from, limits its life, and makes it punctual, where it may.
 
     Raises:
         RuntimeError: when the fork server has threads, which do not survive a fork.
@@ -75,3 +129,5 @@ def _begin() -> None:
     threads = int(status.partition("Threads:")[2].split()[0])
     if threads != 1:
         raise RuntimeError(f"the fork server has {threads} threads; set OMP_NUM_THREADS=1")
+    with suppress(OSError):
+        os.nice(-10)

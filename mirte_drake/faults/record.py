@@ -35,8 +35,26 @@ class Record:
     ended: str | None = None  # What the drive ended with; None: it goes on, or it died.
     controller_alive: bool = True  # At the end of the observation; stopped processes are.
     guard_alive: bool = True
-    pause: float = 0.0  # [s] Longest in which this recorder itself did not get to look.
+    # [s] Longest that each process was ready to run and got no processor, within one look.
+    starved: dict[str, float] = dc.field(default_factory=dict)
 
     def first_stop(self) -> GuardStatus | None:
         """Returns the first status that says that the guard has stopped the robot."""
         return next((status for status in self.statuses if status.stopped), None)
+
+    def timeline(self) -> list[str]:
+        """Returns what happened, one line each, times [s] after the fault or the start."""
+        zero = self.fault if np.isfinite(self.fault) else self.start
+        events = [(sent.sent, _odometry_text(sent)) for sent in self.odometry]
+        events += [(c.arrival, f"wheel command {c.command.tolist()}") for c in self.commands]
+        events += [(f.arrival, f"foreign command {f.command.tolist()}") for f in self.foreign]
+        events += [(when, "sabotage") for when in self.acted]
+        events += [(s.arrival, f"guard status {s.sequence} {s.reason}") for s in self.statuses]
+        events += [(self.start, "the drive begins"), (self.fault, "the fault begins")]
+        events += [(self.end, f"end; the drive ended: {self.ended}; starved: {self.starved}")]
+        return [f"{when - zero:8.3f}  {text}" for when, text in sorted(events)]
+
+
+def _odometry_text(sent: SentOdometry) -> str:
+    age, pose = sent.sent - sent.measured, sent.message.pose.round(3).tolist()
+    return f"odometry {pose}, {age:.3f} s old{'' if sent.good else ', bad'}"

@@ -30,6 +30,11 @@ class Trial:
     run: int
     number: int  # Of the trial in its campaign: it gets a wire of its own.
 
+    @property
+    def own_guard(self) -> bool:
+        """Whether the controller starts the guard; it does in every other run."""
+        return self.run % 2 == 0
+
 
 @dc.dataclass(frozen=True)
 class Outcome:
@@ -37,8 +42,9 @@ class Outcome:
 
     trial: Trial
     verdict: Verdict
-    fault: float  # [s] after the drive began.
-    pause: float  # [s] Longest in which the trial's own process did not get to look.
+    fault: float = np.nan  # [s] after the drive began.
+    starved: float = np.nan  # [s] Longest that one of the processes got no processor.
+    timeline: tuple[str, ...] = ()  # Of a trial that failed.
 
 
 def run_trial(trial: Trial) -> Outcome:
@@ -47,16 +53,22 @@ def run_trial(trial: Trial) -> Outcome:
     # A fault is the same in each trial of a kind and seed, whatever else runs.
     rng = np.random.default_rng([trial.seed, trial.run, zlib.crc32(kind.name.encode())])
     scenario, robot = scenarios(trial, kind)
-    with Bench(scenario, robot, kind.sabotage, kind.strangers, rng) as bench:
-        record = observe(bench, kind, rng)
+    own_guard = trial.own_guard and not kind.deafens
+    try:
+        with Bench(
+            scenario, robot, kind.sabotage, kind.strangers, rng, own_guard=own_guard
+        ) as bench:
+            record = observe(bench, kind, rng)
+    except Exception as error:  # Of whatever kind: the campaign goes on.
+        return Outcome(trial, Verdict(False, np.nan, "", (f"the trial failed: {error!r}",)))
     verdict = judge(record, kind.oracle(record), within=kind.within, reasons=kind.reasons)
-    problems = verdict.problems
     if not np.isfinite(record.fault):
-        problems = (f"the drive did not begin ({record.ended})",)
+        verdict = dc.replace(verdict, problems=(f"the drive did not begin ({record.ended})",))
     elif not kind.took_place(record):
-        problems = (*problems, "the fault did not take place")
-    verdict = dc.replace(verdict, problems=problems)
-    return Outcome(trial, verdict, record.fault - record.start, record.pause)
+        verdict = dc.replace(verdict, problems=(*verdict.problems, "the fault did not take place"))
+    starved = max(record.starved.values(), default=np.nan)
+    timeline = () if verdict.passed else tuple(record.timeline())
+    return Outcome(trial, verdict, record.fault - record.start, starved, timeline)
 
 
 def scenarios(trial: Trial, kind: Kind) -> tuple[Scenario, Scenario]:
@@ -76,13 +88,9 @@ def observe(bench: Bench, kind: Kind, rng: np.random.Generator) -> Record:
     """Drives, lets the fault in, and returns what was seen."""
     if kind.from_start:
         bench.robot.fault = kind.odometry
-    patience = time.monotonic() + PATIENCE
-    while not np.isfinite(start := bench.drives_since()):
-        if time.monotonic() > patience:
-            return bench.finish()
-        bench.run(time.monotonic() + 0.02)
-    bench.record.start = start
-    bench.run(start + rng.uniform(*kind.begin))
+    if not bench.begin(PATIENCE):
+        return bench.finish()
+    bench.run(bench.record.start + rng.uniform(*kind.begin))
     bench.record.fault = fault = time.monotonic()
     bench.robot.fault = kind.odometry
     if kind.sabotage is not None:
