@@ -60,7 +60,8 @@ def simulate(
 
 
 @commands.command()
-@click.argument("name")
+@click.argument("name", required=False)
+@click.option("--all", "everything", is_flag=True, help="Draws every scenario of the package.")
 @click.option(
     "--depth",
     type=click.IntRange(min=1),
@@ -72,21 +73,28 @@ def simulate(
 @set_option
 @output_option
 def diagram(
-    name: str,
+    name: str | None,
+    everything: bool,
     depth: int,
     robot: tuple[str, ...],
     overrides: tuple[str, ...],
     output: Path | None,
 ) -> None:
-    """Draws the Diagram of the scenario NAME: NAME.svg, NAME.png and NAME.dot."""
+    """Draws the Diagram of the scenario NAME: NAME.svg, NAME.png and NAME.dot.
+
+    The SVG adapts itself to a light or a dark screen.
+    """
     from mirte_drake.assembly import MakeDiagram
-    from mirte_drake.scenario import load_scenario, scenario_stem
+    from mirte_drake.scenario import load_scenario, scenario_names, scenario_stem
     from mirte_drake.visualization.diagram_picture import save_diagram_picture
 
-    scenario = load_scenario(name, (*robot, *overrides))
-    stem = (output or Path("diagrams")) / scenario_stem(name)
-    for path in save_diagram_picture(MakeDiagram(scenario), stem, depth):
-        click.echo(path)
+    if (name is None) != everything:
+        raise click.UsageError("give the NAME of a scenario, or --all")
+    for each in scenario_names() if name is None else [name]:
+        scenario = load_scenario(each, (*robot, *overrides))
+        stem = (output or Path("diagrams")) / scenario_stem(each)
+        for path in save_diagram_picture(MakeDiagram(scenario), stem, depth):
+            click.echo(path)
 
 
 def _table(summary: dict, tube: bool) -> str:

@@ -2,30 +2,53 @@
 
 Drake's own Graphviz text shows every port as a table cell, which is exact but hard to take in.
 Here each connection is an arrow labelled with the signal, and parallel connections are one arrow.
-Systems with continuous states, the robots, have another colour.
+The longest way forward is a straight line; feedback runs above and below it. Controller, robot and
+wire have their colours.
 """
 
+import dataclasses as dc
+import functools
+import itertools
 import re
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from pydrake.systems.framework import Diagram, InputPortIndex, OutputPortIndex, System
 
 from mirte_drake.files import replacing
+from mirte_drake.visualization.dark import with_dark_style
 
 FORMATS = ("svg", "png", "dot")
 
-_ACRONYMS = {"nmpc": "NMPC", "dlqr": "DLQR", "sindyc": "SINDYc"}
+_ACRONYMS = {"nmpc": "NMPC", "dlqr": "DLQR", "sindyc": "SINDYc", "lcm": "LCM", "ros2": "ROS 2"}
 
 Endpoint = tuple[System, int]
+Signals = dict[tuple[str, str], list[str]]  # Labels of the arrow between two blocks.
 
-# Readable in black and white, on light and on dark backgrounds: every block is filled.
+
+@dc.dataclass(frozen=True)
+class _Colors:
+    """Of the blocks of one part, and of the frame around them."""
+
+    block: str
+    line: str
+    frame: str
+
+
+# By the beginning and end of a system's name, the first that fits. Every block is filled, so that
+# it is readable on any background, and parts differ in lightness, for black and white.
+_PARTS = (
+    (r"(lcm|ros2)_robot$", _Colors("#d5ecd9", "#2c6e3f", "#eff8f0")),  # The wire.
+    (r"robot$", _Colors("#fbe3c4", "#96591a", "#fdf4e7")),
+    (r"^controller$", _Colors("#dbe6f6", "#33507f", "#f2f6fc")),
+    (r"", _Colors("#f1f1ee", "#55585e", "#fafaf8")),
+)
 _GRAPH = (
-    'graph [rankdir=LR, nodesep=0.55, ranksep=0.6, fontname="Helvetica", fontsize=15, '
-    'bgcolor="white", pad=0.25, splines=spline];',
-    'node [shape=box, style="filled,rounded", fillcolor="#e8eef7", color="#33415c", '
-    'fontname="Helvetica", fontsize=13, margin="0.22,0.13", penwidth=1.2];',
+    'graph [rankdir=LR, nodesep=0.5, ranksep=0.55, fontname="Helvetica", fontsize=15, '
+    'bgcolor="#ffffff", pad=0.25, splines=spline];',
+    'node [shape=box, style="filled,rounded", fontname="Helvetica", fontsize=13, '
+    'margin="0.22,0.13", penwidth=1.2];',
     'edge [fontname="Helvetica", fontsize=11, color="#33415c", arrowsize=0.8];',
 )
 
@@ -43,19 +66,14 @@ def diagram_dot(diagram: Diagram, depth: int = 2) -> str:
     if depth < 1:
         raise ValueError(f"depth: must be >= 1, got {depth}")
     names: dict[System, str] = {}
-    lines = ["digraph {", *_GRAPH, *_draw(diagram, depth, names)]
-    signals: dict[tuple[str, str], list[str]] = defaultdict(list)
+    blocks = _draw(diagram, depth, names, _colors(diagram.get_name()))
+    signals: Signals = defaultdict(list)
     for source, target, label in _connections(diagram, depth):
         labels = signals[names[source], names[target]]
         if label not in labels:
             labels.append(label)
-    feedback = _feedback(names.values(), signals)
-    for (source_name, target_name), labels in sorted(signals.items()):
-        # Feedback runs right to left, so it must not decide who stands where.
-        style = ", constraint=false" if (source_name, target_name) in feedback else ""
-        label = "\\n".join(label.replace("_", " ") for label in labels)
-        lines.append(f'"{source_name}" -> "{target_name}" [label="{label}"{style}];')
-    return "\n".join([*lines, "}"]) + "\n"
+    start = f'digraph "{diagram.get_name()}" {{'
+    return "\n".join([start, *_GRAPH, *blocks, *_arrows(names.values(), signals), "}"]) + "\n"
 
 
 def save_diagram_picture(diagram: Diagram, stem: Path, depth: int = 2) -> list[Path]:
@@ -83,33 +101,71 @@ def save_diagram_picture(diagram: Diagram, stem: Path, depth: int = 2) -> list[P
             # Drawn to memory: pygraphviz cannot open a file under Python 3.11.2, Debian 12's.
             args = "-Gdpi=160" if suffix == "png" else ""
             picture = dot.encode() if suffix == "dot" else graph.draw(None, suffix, "dot", args)
+            if suffix == "svg":
+                picture = with_dark_style(picture.decode()).encode()
             temporary.write_bytes(picture)
     return paths
 
 
-def _draw(diagram: Diagram, depth: int, names: dict[System, str], path: str = "") -> list[str]:
+def _draw(
+    diagram: Diagram, depth: int, names: dict[System, str], outer: _Colors, path: str = ""
+) -> list[str]:
     """Returns the lines that draw the systems, and enters their names."""
     lines = []
     for system in diagram.GetSystems():
         names[system] = name = f"{path}{system.get_name()}"
         title = _title(system.get_name())
+        colors = outer if path else _colors(system.get_name(), outer)
         if isinstance(system, Diagram) and depth > 1:
-            inner = _draw(system, depth - 1, names, f"{name}/")
+            inner = _draw(system, depth - 1, names, colors, f"{name}/")
             lines += [
                 f'subgraph "cluster_{name}" {{',
                 f'label="{title}"; labeljust=l; style="filled,rounded"; '
-                'fillcolor="#f6f6f2"; color="#8a8f98";',
+                f'fillcolor="{colors.frame}"; color="{colors.line}"; fontcolor="{colors.line}";',
                 *inner,
                 "}",
             ]
         else:
             kind = re.sub(r"(_\[|<).*", "", re.split(r"::|\.", system.GetSystemType())[-1])
-            plant = ', fillcolor="#fbeedb"' if system.num_continuous_states() else ""
             lines.append(
                 f'"{name}" [label=<<b>{title}</b><br/><font point-size="10" color="#4a5568">'
-                f"{kind}</font>>{plant}];"
+                f'{kind}</font>>, fillcolor="{colors.block}", color="{colors.line}"];'
             )
     return lines
+
+
+def _colors(name: str, otherwise: _Colors = _PARTS[-1][1]) -> _Colors:
+    found = [colors for pattern, colors in _PARTS[:-1] if re.search(pattern, name)]
+    return found[0] if found else otherwise
+
+
+def _arrows(blocks: Iterable[str], signals: Signals) -> list[str]:
+    """Returns the lines that draw the connections, and align the longest way forward."""
+    feedback = _feedback(blocks, signals)
+    forward = sorted(signals.keys() - feedback)
+    row = _longest_way(forward)
+    lines = [f'"{name}" [group=row];' for name in row]
+    for (source, target), labels in sorted(signals.items()):
+        label = "\\n".join(label.replace("_", " ") for label in labels)
+        if (source, target) in feedback:
+            # Drawn as if it ran forward: so it gets its own way between the blocks, and does not
+            # decide who stands where.
+            lines.append(f'"{target}" -> "{source}" [label="{label}", dir=back, weight=0];')
+        else:
+            straight = ", weight=100" if (source, target) in itertools.pairwise(row) else ""
+            lines.append(f'"{source}" -> "{target}" [label="{label}"{straight}];')
+    return lines
+
+
+def _longest_way(arrows: Sequence[tuple[str, str]]) -> tuple[str, ...]:
+    """Returns the blocks on the longest way along arrows that close no loop."""
+
+    @functools.cache
+    def way(name: str) -> tuple[str, ...]:
+        ways = [way(target) for source, target in arrows if source == name]
+        return (name, *max(ways, key=len, default=()))
+
+    return max((way(source) for source, _ in arrows), key=len, default=())
 
 
 def _connections(diagram: Diagram, depth: int) -> list[tuple[System, System, str]]:
