@@ -19,9 +19,10 @@ LAYERS = [
     {"assembly"},
     {"run", "collect", "drive", "stand_in"},
     {"benchmark", "comparison", "faults"},
+    {"report"},
     {"cli", "__main__"},
 ]
-# Read by assembly, run and cli; reads arrays and Diagrams, not the layers above `vectors`.
+# Read by assembly, run, report and cli; reads arrays and Diagrams, not the layers above `vectors`.
 VISUALIZATION = "visualization"
 
 
@@ -60,7 +61,7 @@ def test_imports_run_one_way():
             seen += 1
             target = part(name)
             if VISUALIZATION in (module, target):
-                allowed = module in (VISUALIZATION, "assembly", "run", "cli")
+                allowed = module in (VISUALIZATION, "assembly", "run", "report", "cli")
                 assert allowed, f"{path} imports {name}"
                 if module == VISUALIZATION and target != VISUALIZATION:
                     assert layer(target) == 0, f"{path} imports {name}"

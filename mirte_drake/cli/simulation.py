@@ -24,7 +24,7 @@ def scenarios() -> None:
 )
 @robot_option
 @set_option
-@click.option("--no-plots", is_flag=True, help="Leaves the figures out.")
+@click.option("--no-plots", is_flag=True, help="Leaves figures and report out.")
 @output_option
 def simulate(
     name: str,
@@ -36,9 +36,11 @@ def simulate(
 ) -> None:
     """Runs the scenario NAME, or the one in a YAML file, and writes what came out.
 
-    Writes summary.json, log.npz, the scenario as it was run, and figures as PDF, SVG and PNG.
+    Writes summary.json, log.npz, the scenario as it was run, figures as PDF, SVG and PNG, and
+    report.html, which has all of it in one page.
     """
     from mirte_drake.files import replacing_results
+    from mirte_drake.report import REPORT_FILE, save_report
     from mirte_drake.run import RUN_FILES, save_run
     from mirte_drake.run import simulate as run_scenario
     from mirte_drake.scenario import load_scenario, scenario_stem
@@ -49,12 +51,13 @@ def simulate(
     scenario = load_scenario(name, (*robot, *overrides))
     stem = scenario_stem(name)
     folder = output or Path("runs") / stem
-    with replacing_results(folder, (*RUN_FILES, *FIGURE_FILES)) as results:
+    with replacing_results(folder, (*RUN_FILES, *FIGURE_FILES, REPORT_FILE)) as results:
         with click.progressbar(length=scenario.steps, label=stem, file=sys.stderr) as bar:
             run = run_scenario(scenario, stem, on_sample=lambda: bar.update(1))
         summary = save_run(run, results)
         if not no_plots:
             save_figures(run.log, results, input_limit=scenario.input_limit)
+            save_report(results)
     click.echo(_table(summary, tube=scenario.tube_updater is not None))
     click.echo(f"Written to {folder}")
 

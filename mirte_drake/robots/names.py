@@ -6,3 +6,8 @@ ROBOTS = ("sindyc", "dynamic", "multibody")
 def robot_override(name: str) -> str:
     """Returns the override of a scenario that gives it the robot of a name, with its defaults."""
     return f"robot=!{name.capitalize()}RobotConfig {{}}"
+
+
+def robot_name(config: object) -> str:
+    """Returns the short name of the robot of a config."""
+    return type(config).__name__.removesuffix("RobotConfig").lower()

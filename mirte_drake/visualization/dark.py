@@ -25,7 +25,8 @@ def dark_rules(svg: str, scope: str = "") -> str:
             (``fill="#ffffff"``, Graphviz) or styles (``fill: #ffffff``, Matplotlib).
         scope: Selector of what the rules are for.
     """
-    rules = [f"{scope} text {{fill: {dark_color('#000000')}}}".lstrip()]
+    # Of what says no colour, which is black.
+    rules = [f":where({scope or 'svg'}) :is(text, use) {{fill: {dark_color('#000000')}}}"]
     for what, color in sorted(set(re.findall(r'\b(fill|stroke)(?:="|: ?)(#[0-9a-f]{6})', svg))):
         selectors = (f'[{what}="{color}"]', f'[style*="{what}: {color}"]')
         both = ", ".join(f"{scope} {selector}".lstrip() for selector in selectors)

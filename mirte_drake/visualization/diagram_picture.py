@@ -19,8 +19,6 @@ from pydrake.systems.framework import Diagram, InputPortIndex, OutputPortIndex, 
 from mirte_drake.files import replacing
 from mirte_drake.visualization.dark import with_dark_style
 
-FORMATS = ("svg", "png", "dot")
-
 _ACRONYMS = {"nmpc": "NMPC", "dlqr": "DLQR", "sindyc": "SINDYc", "lcm": "LCM", "ros2": "ROS 2"}
 
 Endpoint = tuple[System, int]
@@ -76,8 +74,15 @@ def diagram_dot(diagram: Diagram, depth: int = 2) -> str:
     return "\n".join([start, *_GRAPH, *blocks, *_arrows(names.values(), signals), "}"]) + "\n"
 
 
+def diagram_svg(diagram: Diagram, depth: int = 2) -> str:
+    """Returns the picture as SVG; arguments as ``diagram_dot``."""
+    return _graphviz(diagram_dot(diagram, depth), "svg").decode()
+
+
 def save_diagram_picture(diagram: Diagram, stem: Path, depth: int = 2) -> list[Path]:
     """Writes the picture as SVG, PNG and DOT beside each other.
+
+    The SVG adapts itself to a light or a dark screen.
 
     Args:
         diagram: What to draw.
@@ -90,21 +95,26 @@ def save_diagram_picture(diagram: Diagram, stem: Path, depth: int = 2) -> list[P
     Raises:
         UserError: when the folder cannot be written.
     """
+    dot = diagram_dot(diagram, depth)
+    pictures = {
+        "svg": with_dark_style(_graphviz(dot, "svg").decode()).encode(),
+        "png": _graphviz(dot, "png", "-Gdpi=160"),
+        "dot": dot.encode(),
+    }
+    paths = []
+    for suffix, picture in pictures.items():
+        path = stem.with_name(f"{stem.name}.{suffix}")
+        with replacing(path) as temporary:
+            temporary.write_bytes(picture)
+        paths.append(path)
+    return paths
+
+
+def _graphviz(dot: str, picture_format: str, arguments: str = "") -> bytes:
     import pygraphviz  # Loads Graphviz: only for those who draw.
 
-    dot = diagram_dot(diagram, depth)
-    paths = [stem.with_name(f"{stem.name}.{suffix}") for suffix in FORMATS]
-    graph = pygraphviz.AGraph(string=dot)
-    for path in paths:
-        with replacing(path) as temporary:
-            suffix = path.suffix.removeprefix(".")
-            # Drawn to memory: pygraphviz cannot open a file under Python 3.11.2, Debian 12's.
-            args = "-Gdpi=160" if suffix == "png" else ""
-            picture = dot.encode() if suffix == "dot" else graph.draw(None, suffix, "dot", args)
-            if suffix == "svg":
-                picture = with_dark_style(picture.decode()).encode()
-            temporary.write_bytes(picture)
-    return paths
+    # Drawn to memory: pygraphviz cannot open a file under Python 3.11.2, Debian 12's.
+    return pygraphviz.AGraph(string=dot).draw(None, picture_format, "dot", arguments)
 
 
 def _draw(

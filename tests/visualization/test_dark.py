@@ -45,7 +45,7 @@ def test_a_colour_stays_as_colourful_and_of_its_hue():
 def test_rules_are_for_attributes_and_styles():
     svg = '<path fill="#ffffff" stroke="#33415c"/><path style="fill: #ffffff; stroke: #e0e0e0"/>'
     rules = dark_rules(svg, ".plot").splitlines()
-    assert rules[0].startswith(".plot text {fill: ")
+    assert rules[0].startswith(":where(.plot) :is(text, use) {fill: ")
     fill = dark_color("#ffffff")
     assert (
         f'.plot [fill="#ffffff"], .plot [style*="fill: #ffffff"] {{fill: {fill} !important}}'
