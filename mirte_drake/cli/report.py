@@ -22,7 +22,7 @@ def report(folders: tuple[Path, ...], output: Path | None) -> None:
     One file that opens offline: numbers, figures, and of a single run its replay where there is
     one, its Diagram and its scenario. Runs that differ by their seed alone are taken together.
     """
-    from mirte_drake.report import save_comparison, save_report
+    from mirte_drake.reporting import save_comparison, save_report
 
     if len(folders) == 1:
         written = save_report(folders[0], output)

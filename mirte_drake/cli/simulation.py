@@ -40,7 +40,7 @@ def simulate(
     report.html, which has all of it in one page.
     """
     from mirte_drake.files import replacing_results
-    from mirte_drake.report import REPORT_FILE, save_report
+    from mirte_drake.reporting import REPORT_FILE, save_report
     from mirte_drake.run import RUN_FILES, save_run
     from mirte_drake.run import simulate as run_scenario
     from mirte_drake.scenario import load_scenario, scenario_stem

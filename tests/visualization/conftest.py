@@ -1,6 +1,6 @@
 import pytest
 
-from mirte_drake.report import load_run
+from mirte_drake.reporting import load_run
 from mirte_drake.robots.names import robot_override
 from mirte_drake.run import save_run, simulate
 from mirte_drake.scenario import load_scenario

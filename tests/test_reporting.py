@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mirte_drake.errors import UserError
-from mirte_drake.report import load_run, save_comparison, save_report
+from mirte_drake.reporting import load_run, save_comparison, save_report
 from mirte_drake.robots.names import robot_override
 from mirte_drake.run import RUN_FILES, save_run, simulate
 from mirte_drake.scenario import load_scenario
@@ -84,7 +84,7 @@ def test_without_the_wire_there_is_a_report_all_the_same(folder, monkeypatch, bl
     def no_wire(scenario):
         raise UserError("robot.wire: cyclonedds is not installed")
 
-    monkeypatch.setattr("mirte_drake.report.MakeDiagram", no_wire)
+    monkeypatch.setattr("mirte_drake.reporting.MakeDiagram", no_wire)
     assert "No picture: robot.wire: cyclonedds is not" in save_report(folder).read_text()
 
 
