@@ -22,7 +22,8 @@ LAYERS = [
     {"reporting", "thesis"},
     {"cli", "__main__"},
 ]
-# Read by assembly, run, reporting, thesis and cli; reads arrays and Diagrams, not the layers above `vectors`.
+# Read by assembly, run, reporting, thesis and cli; reads arrays and Diagrams, not the layers above
+# `vectors`.
 VISUALIZATION = "visualization"
 
 
