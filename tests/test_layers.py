@@ -9,7 +9,8 @@ PACKAGE = Path(mirte_drake.__file__).parent
 
 # Each layer may import those before it, and itself.
 LAYERS = [
-    {"", "errors", "compiled", "vectors", "angles", "geometry", "checks", "files", "typed_yaml"},
+    {"", "errors", "compiled", "vectors", "angles", "geometry", "frames"}
+    | {"checks", "files", "typed_yaml"},
     {"model"},
     {"control"},
     {"identification"},  # A leaf: nobody below the command line needs it.
@@ -17,7 +18,7 @@ LAYERS = [
     {"systems", "robots"},
     {"scenario"},
     {"assembly"},
-    {"run", "collect", "drive", "stand_in"},
+    {"run", "collect", "pacing", "drive", "drive_recorder", "wire_session", "stand_in"},
     {"benchmark", "comparison", "faults"},
     {"reporting", "thesis"},
     {"cli", "__main__"},
@@ -25,6 +26,7 @@ LAYERS = [
 # Read by assembly, run, reporting, thesis and cli; reads arrays and Diagrams, not the layers above
 # `vectors`.
 VISUALIZATION = "visualization"
+GENERATED = "mirte_lcm"  # By lcm-gen, in its own style.
 
 
 def layer(module: str) -> int:
@@ -49,6 +51,8 @@ def part(name: str) -> str:
 
 def sources():
     for path in sorted(PACKAGE.rglob("*.py")):
+        if path.parent.name == GENERATED:
+            continue
         module = path.relative_to(PACKAGE).with_suffix("").parts[0].replace("__init__", "")
         yield path, module
 

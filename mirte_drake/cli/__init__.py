@@ -18,6 +18,7 @@ from mirte_drake.cli import (  # noqa: F401 They add their commands.
     robot_export,
     robot_fit,
     simulation,
+    wire,
 )
 from mirte_drake.cli.options import commands
 from mirte_drake.errors import UserError

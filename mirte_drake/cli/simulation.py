@@ -5,7 +5,14 @@ from pathlib import Path
 
 import click
 
-from mirte_drake.cli.options import commands, output_option, robot_option, set_option
+from mirte_drake.cli.options import (
+    commands,
+    output_option,
+    robot_option,
+    set_option,
+    transport_option,
+    wire_option,
+)
 
 
 @commands.command()
@@ -58,7 +65,7 @@ def simulate(
         if not no_plots:
             save_figures(run.log, results, input_limit=scenario.input_limit)
             save_report(results)
-    click.echo(_table(summary, tube=scenario.tube_updater is not None))
+    click.echo(summary_table(summary, tube=scenario.tube_updater is not None))
     click.echo(f"Written to {folder}")
 
 
@@ -73,6 +80,8 @@ def simulate(
     help="1 draws the controller as one block, 2 looks into it.",
 )
 @robot_option
+@transport_option
+@wire_option
 @set_option
 @output_option
 def diagram(
@@ -80,6 +89,8 @@ def diagram(
     everything: bool,
     depth: int,
     robot: tuple[str, ...],
+    transport: tuple[str, ...],
+    wire: tuple[str, ...],
     overrides: tuple[str, ...],
     output: Path | None,
 ) -> None:
@@ -94,22 +105,27 @@ def diagram(
     if (name is None) != everything:
         raise click.UsageError("give the NAME of a scenario, or --all")
     for each in scenario_names() if name is None else [name]:
-        scenario = load_scenario(each, (*robot, *overrides))
+        scenario = load_scenario(each, (*robot, *transport, *overrides, *wire))
         stem = (output or Path("diagrams")) / scenario_stem(each)
         for path in save_diagram_picture(MakeDiagram(scenario), stem, depth):
             click.echo(path)
 
 
-def _table(summary: dict, tube: bool) -> str:
+def summary_table(summary: dict, tube: bool) -> str:
     """Returns the summary for a person to read."""
     rmse, true = summary["rmse"], summary["true_rmse"]
+
+    def error(key: str, unit: str) -> str:
+        really = f", true {true[key]:.4f} {unit}" if true else ""
+        return f"{rmse[key]:.4f} {unit}{really}"
+
     solve, feedback = summary["solve_time_ms"], summary["feedback_time_ms"]
     rows = [
         ("scenario", f"{summary['scenario']}, seed {summary['seed']}"),
         ("samples", f"{summary['steps']} ({summary['simulated_time_s']:.1f} s)"),
-        ("RMSE x", f"{rmse['x_m']:.4f} m, true {true['x_m']:.4f} m"),
-        ("RMSE y", f"{rmse['y_m']:.4f} m, true {true['y_m']:.4f} m"),
-        ("RMSE yaw", f"{rmse['yaw_rad']:.4f} rad, true {true['yaw_rad']:.4f} rad"),
+        ("RMSE x", error("x_m", "m")),
+        ("RMSE y", error("y_m", "m")),
+        ("RMSE yaw", error("yaw_rad", "rad")),
         ("solver", f"{summary['solver']}, {summary['solve_failures']} failures"),
         (
             "solve time",
@@ -124,6 +140,19 @@ def _table(summary: dict, tube: bool) -> str:
             f"{summary['rate_violations']} samples, {summary['rate_relaxations']} to meet bounds",
         ),
         ("ended early", f"{summary['early_solves']} solves"),
+        *_wire_rows(summary.get("wire")),
         ("wall time", f"{summary['wall_time_s']:.1f} s"),
     ]
     return "\n".join(f"{label:22}{value}" for label, value in rows)
+
+
+def _wire_rows(wire: dict | None) -> list[tuple[str, str]]:
+    """Returns what a wire adds to the table."""
+    if wire is None:
+        return []
+    latency, age = wire["command_latency_ms"], wire["odometry_age_ms"]
+    return [
+        ("odometry to command", f"{latency['p50']:.2f} ms median, {latency['p99']:.2f} ms p99"),
+        ("age of odometry", f"{age['p50']:.2f} ms median, {age['p99']:.2f} ms p99"),
+        ("missed odometry", f"{wire['missed_odometry']} samples"),
+    ]

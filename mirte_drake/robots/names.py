@@ -1,6 +1,7 @@
-"""Short names of the robots that a scenario can have."""
+"""Short names of the robots that a scenario can have, simulated or beyond a wire."""
 
 ROBOTS = ("sindyc", "dynamic", "multibody")
+TRANSPORTS = ("ros2", "lcm")  # Of a robot beyond a wire.
 
 
 def robot_override(name: str) -> str:
