@@ -185,7 +185,7 @@ def _connections(diagram: Diagram, depth: int) -> list[tuple[System, System, str
         leaf, port = _resolve_output(source, output, depth)
         for target in _resolve_inputs(system, index, depth):
             label = leaf.get_output_port(OutputPortIndex(port)).get_name()
-            if label in ("y0", "y"):  # Drake's anonymous output: take the name of what it feeds.
+            if label in ("y0", "y", "message"):  # Says nothing: take the name of what it feeds.
                 label = target[0].get_input_port(InputPortIndex(target[1])).get_name()
             result.append((leaf, target[0], label))
     for system in diagram.GetSystems():
@@ -209,17 +209,20 @@ def _resolve_inputs(system: System, index: int, depth: int) -> list[Endpoint]:
 
 
 def _feedback(names: Iterable[str], signals: Iterable[tuple[str, str]]) -> set[tuple[str, str]]:
-    """Returns the arrows that close a loop, seen from the blocks that nothing feeds."""
+    """Returns the arrows that close a loop.
+
+    Those are what a robot gives to a controller, and beside them what closes a loop seen from the
+    blocks that nothing feeds.
+    """
+    back = {(source, target) for source, target in signals if _measures(source, target)}
     successors: dict[str, list[str]] = {name: [] for name in names}
-    for source, target in signals:
-        successors.setdefault(source, []).append(target)
-        successors.setdefault(target, [])
+    for source, target in set(signals) - back:
+        successors[source].append(target)
     fed = {target for targets in successors.values() for target in targets}
-    back: set[tuple[str, str]] = set()
     done: set[str] = set()
 
     def visit(name: str, path: tuple[str, ...]) -> None:
-        for target in successors[name]:
+        for target in sorted(successors[name]):
             if target in path:
                 back.add((name, target))
             elif target not in done:
@@ -230,6 +233,12 @@ def _feedback(names: Iterable[str], signals: Iterable[tuple[str, str]]) -> set[t
         if name not in done:
             visit(name, (name,))
     return back
+
+
+def _measures(source: str, target: str) -> bool:
+    """Tells whether an arrow goes from a robot to a controller."""
+    outer_source, outer_target = source.split("/")[0], target.split("/")[0]
+    return outer_source.endswith("robot") and outer_target == "controller"
 
 
 def _title(name: str) -> str:

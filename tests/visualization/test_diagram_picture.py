@@ -61,6 +61,16 @@ def test_the_longest_way_forward_is_one_row():
     ]  # fmt: skip
 
 
+def test_what_a_wire_gives_to_the_controller_is_feedback():
+    scenario = load_scenario("rectangle", ["robot=!LcmRobotConfig {wire: {url: 'memq://'}}"])
+    dot = diagram_dot(MakeDiagram(scenario))
+    pose = '"controller/nominal_nmpc" -> "lcm_robot/adapter" [label="pose", dir=back, weight=0];'
+    assert pose in dot
+    assert '"lcm_robot/odometry_subscriber" -> "lcm_robot/adapter" [label="odometry"]' in dot
+    row = re.findall(r'^"(.*)" \[group=row\];$', dot, re.M)
+    assert row[0] == "reference_source" and row[-2] == "lcm_robot/adapter"
+
+
 def test_controller_robot_and_surroundings_have_their_colours():
     dot = diagram_dot(MakeDiagram(load_scenario("rectangle", [robot_override("dynamic")])))
     colors = dict(re.findall(r'^"([^"]*)" \[label=.*fillcolor="(.*?)"', dot, re.M))
