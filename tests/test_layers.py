@@ -19,7 +19,7 @@ LAYERS = [
     {"scenario"},
     {"assembly"},
     {"run", "collect", "pacing", "drive", "drive_recorder", "wire_session", "stand_in"},
-    {"benchmark", "comparison", "faults"},
+    {"benchmark", "comparison", "faults", "doctor"},
     {"reporting", "thesis"},
     {"cli", "__main__"},
 ]

@@ -12,6 +12,7 @@ from mirte_drake.cli import (  # noqa: F401 They add their commands.
     benchmark,
     collection,
     comparison,
+    doctor,
     figures,
     identification,
     report,
