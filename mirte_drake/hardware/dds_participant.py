@@ -4,6 +4,8 @@ import contextlib
 import ipaddress
 import os
 import socket
+import sys
+import warnings
 from weakref import WeakValueDictionary
 from xml.sax.saxutils import quoteattr
 
@@ -14,9 +16,10 @@ from mirte_drake.errors import UserError
 from mirte_drake.hardware.wire_config import Ros2WireConfig
 
 LOOPBACK = "lo"
-# Processes of one machine that find each other without multicast. With the ports of DDS 119 is the
-# most; each costs a datagram per announcement.
+# Processes of one machine that find each other without multicast: each costs a datagram per
+# announcement. In domain d the ports of number i are 7410 + 250 d + 2 i and the next.
 MAX_PARTICIPANT_INDEX = 99
+LAST_PORT = 65535
 # How often a process announces itself. Without multicast a robot on Fast DDS that starts later is
 # found by this alone: at the default of Cyclone DDS, not within 10 s.
 ANNOUNCE_PERIOD = "500ms"
@@ -44,11 +47,11 @@ _SETTINGS = """
 class OpenDomain(Domain):
     """A domain of this process; its links share it and the last one closes it.
 
-    Deviation from what DDS offers: on loopback its sockets hear nothing but loopback. Cyclone DDS
-    binds those that receive to all addresses, whatever its settings (its issue 2090); we bind them
-    to the device. Where the operating system has no such thing (it takes Linux, and 5.7 for users
-    other than root), they stay open to the network, and so they do on any other interface, since
-    one's own processes come in through loopback: use a firewall.
+    On loopback it hears nothing from elsewhere. Cyclone DDS binds the sockets that receive to all
+    addresses, whatever its settings (its issue 2090), so we bind them to the device; datagrams
+    from other machines are then refused by the operating system. This takes Linux, and its version
+    5.7 for users other than root. On other interfaces sockets remain open to all of the machine's
+    addresses, since its own processes come in through loopback: there it takes a firewall.
     """
 
     def __init__(self, number: int, settings: str, loopback: bool) -> None:
@@ -58,14 +61,15 @@ class OpenDomain(Domain):
             UserError: when DDS refuses the settings; it prints the reason.
         """
         self.settings = settings
-        before = _open_sockets()
+        confined = loopback and sys.platform == "linux"
+        before = _open_sockets() if confined else set()
         try:
             super().__init__(number, settings)
-        except DDSException as error:
+        except DDSException:
             raise UserError(
-                f"domain {number}: DDS cannot use it ({error.msg}); see above"
+                f"domain {number}: DDS cannot use it with these interfaces and peers; see above"
             ) from None
-        if loopback and hasattr(socket, "SO_BINDTODEVICE"):
+        if confined:
             for descriptor in _open_sockets() - before:
                 _bind_to_loopback(descriptor)
 
@@ -106,7 +110,7 @@ def domain_settings(config: Ros2WireConfig) -> str:
     return _SETTINGS.format(
         interface=f"{kind}={quoteattr(config.interface)} {multicast}",
         multicast="false" if loopback else "spdp",
-        last_index=MAX_PARTICIPANT_INDEX,
+        last_index=min(MAX_PARTICIPANT_INDEX, (LAST_PORT - 7411 - 250 * config.domain) // 2),
         announce_period=ANNOUNCE_PERIOD,
         linger=LINGER,
         peers="".join(f"<Peer address={quoteattr(peer)}/>" for peer in config.peers),
@@ -169,5 +173,9 @@ def _open_sockets() -> set[int]:
 
 def _bind_to_loopback(descriptor: int) -> None:
     with socket.socket(fileno=os.dup(descriptor)) as same:
-        if same.type == socket.SOCK_DGRAM and same.getsockname()[0] == "0.0.0.0":
+        if same.type != socket.SOCK_DGRAM or same.getsockname()[0] != "0.0.0.0":
+            return
+        try:
             same.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, LOOPBACK.encode())
+        except PermissionError:  # Linux before 5.7.
+            warnings.warn("DDS can be reached from other machines: use a firewall", stacklevel=2)

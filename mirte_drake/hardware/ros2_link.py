@@ -28,9 +28,9 @@ class Ros2Link(Link):
 
     Every topic is reliable, volatile and keeps the last 10 samples, as ROS 2 does by default. A
     wheel command goes out in the type that is configured or, with "auto", in each that somebody
-    subscribes to: one is lost while DDS makes the acquaintance, some milliseconds, of a robot that
-    has just appeared. Samples with bytes that are no message never get here where DDS itself finds
-    out; `malformed` counts those that it lets through.
+    subscribes to: what is sent in the milliseconds in which DDS makes the acquaintance of a robot
+    that has just appeared is lost. Where DDS itself finds out that bytes are no sample, it drops
+    them and prints a line; `malformed` counts those that it lets through.
     """
 
     def __init__(self, config: Ros2WireConfig, role: Role) -> None:
@@ -82,7 +82,7 @@ class Ros2Link(Link):
         """Sends a message; never blocks and never raises because nobody listens.
 
         Raises:
-            ValueError: when it is not for this role to send.
+            ValueError: when it is not for this role to send, or a wheel command is no number.
         """
         kind = type(message)
         if kind not in SENDS[self.role]:
@@ -97,7 +97,10 @@ class Ros2Link(Link):
             write(self._writers[kind], self._channels[kind].to_ros(message))
 
     def robot_present(self) -> bool:
-        """Whether somebody subscribes to wheel commands, as far as known by the last ``wait``."""
+        """Whether somebody subscribes to wheel commands, as far as known by the last ``wait``.
+
+        A robot that is gone without a farewell is missed after 10 s, the lease of DDS.
+        """
         return bool(self._users.subscribed())
 
     def close(self) -> None:

@@ -14,7 +14,7 @@ from ros2_wire import own_wire
 from mirte_drake.errors import UserError
 from mirte_drake.hardware.dds_participant import domain_settings, join_domain
 from mirte_drake.hardware.link import Role
-from mirte_drake.hardware.wire_config import Ros2WireConfig, open_link
+from mirte_drake.hardware.wire_config import MAX_DOMAIN, Ros2WireConfig, open_link
 
 
 def open_sockets() -> dict[str, int]:
@@ -97,6 +97,12 @@ def test_multicast_only_where_the_interface_is_named():
     settings = domain_settings(Ros2WireConfig(interface="wlan0", peers=["192.168.1.5"]))
     assert 'name="wlan0"' in settings and 'address="192.168.1.5"' in settings
     assert "<AllowMulticast>spdp<" in settings and 'multicast="false"' not in settings
+
+
+def test_ports_of_the_last_domain_are_ports(capfd):
+    with open_link(Ros2WireConfig(domain=MAX_DOMAIN), Role.GUARD) as link:
+        assert not link.wait(0.1)
+    assert capfd.readouterr().err == ""
 
 
 @pytest.mark.parametrize(
