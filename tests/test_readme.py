@@ -114,6 +114,7 @@ def test_every_command_runs(tmp_path, monkeypatch, capsys):
         "collect": "--duration 20",
         "benchmark": "--quick --solver realtime --solver converged",
         "compare": "--runs 1 --scenario baseline_circle --set duration=0.3",
+        "figures": "5-2",
     }
     assert len(COMMANDS) == 23
     for command in COMMANDS:
