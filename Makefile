@@ -23,8 +23,7 @@ lint: $(VENV)/installed
 
 # Redraws the pictures beside the scenarios.
 diagrams: $(VENV)/installed
-	for file in diagrams/*.scenario.yaml; do \
-	  $(BIN)/mirte-drake diagram $$(basename $$file .scenario.yaml) --output diagrams || exit; done
+	$(BIN)/mirte-drake diagram --all
 
 clean:
 	rm -rf $(VENV) runs build dist .pytest_cache .mypy_cache .ruff_cache

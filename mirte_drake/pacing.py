@@ -124,6 +124,8 @@ class WirePace(Pace):
             if self._clock() - start > START_TIMEOUT:
                 raise WireStopped(f"{missing} for {START_TIMEOUT:g} s")
             self._link.wait(SLICE)
+        # What came while nobody waited, as when the Diagram was built, may have gaps.
+        self._link.take(Odometry)
         self._seen = self._link.count(Odometry)
         self._expected = self._clock() + self._period
 

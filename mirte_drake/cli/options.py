@@ -1,5 +1,6 @@
 """The command group, and what its commands share."""
 
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -68,7 +69,9 @@ transport_option = click.option(
 
 
 def _as_wire_overrides(_: click.Context, __: click.Parameter, wire: tuple[str, ...]) -> list[str]:
-    return [f"robot.wire.{change}" for change in wire]
+    # A URL is no plain YAML where it stands within braces.
+    quoted = [re.sub(r'^url=([^"\'].*)$', r'url="\1"', change) for change in wire]
+    return [f"robot.wire.{change}" for change in quoted]
 
 
 wire_option = click.option(

@@ -31,7 +31,7 @@ def scenarios() -> None:
 )
 @robot_option
 @set_option
-@click.option("--no-plots", is_flag=True, help="Leaves the figures out.")
+@click.option("--no-plots", is_flag=True, help="Leaves figures and report out.")
 @output_option
 def simulate(
     name: str,
@@ -43,9 +43,11 @@ def simulate(
 ) -> None:
     """Runs the scenario NAME, or the one in a YAML file, and writes what came out.
 
-    Writes summary.json, log.npz, the scenario as it was run, and figures as PDF, SVG and PNG.
+    Writes summary.json, log.npz, the scenario as it was run, figures as PDF, SVG and PNG, and
+    report.html, which has all of it in one page.
     """
     from mirte_drake.files import replacing_results
+    from mirte_drake.reporting import REPORT_FILE, save_report
     from mirte_drake.run import RUN_FILES, save_run
     from mirte_drake.run import simulate as run_scenario
     from mirte_drake.scenario import load_scenario, scenario_stem
@@ -56,18 +58,20 @@ def simulate(
     scenario = load_scenario(name, (*robot, *overrides))
     stem = scenario_stem(name)
     folder = output or Path("runs") / stem
-    with replacing_results(folder, (*RUN_FILES, *FIGURE_FILES)) as results:
+    with replacing_results(folder, (*RUN_FILES, *FIGURE_FILES, REPORT_FILE)) as results:
         with click.progressbar(length=scenario.steps, label=stem, file=sys.stderr) as bar:
             run = run_scenario(scenario, stem, on_sample=lambda: bar.update(1))
         summary = save_run(run, results)
         if not no_plots:
             save_figures(run.log, results, input_limit=scenario.input_limit)
+            save_report(results)
     click.echo(summary_table(summary, tube=scenario.tube_updater is not None))
     click.echo(f"Written to {folder}")
 
 
 @commands.command()
-@click.argument("name")
+@click.argument("name", required=False)
+@click.option("--all", "everything", is_flag=True, help="Draws every scenario of the package.")
 @click.option(
     "--depth",
     type=click.IntRange(min=1),
@@ -81,7 +85,8 @@ def simulate(
 @set_option
 @output_option
 def diagram(
-    name: str,
+    name: str | None,
+    everything: bool,
     depth: int,
     robot: tuple[str, ...],
     transport: tuple[str, ...],
@@ -89,15 +94,21 @@ def diagram(
     overrides: tuple[str, ...],
     output: Path | None,
 ) -> None:
-    """Draws the Diagram of the scenario NAME: NAME.svg, NAME.png and NAME.dot."""
+    """Draws the Diagram of the scenario NAME: NAME.svg, NAME.png and NAME.dot.
+
+    The SVG adapts itself to a light or a dark screen.
+    """
     from mirte_drake.assembly import MakeDiagram
-    from mirte_drake.scenario import load_scenario, scenario_stem
+    from mirte_drake.scenario import load_scenario, scenario_names, scenario_stem
     from mirte_drake.visualization.diagram_picture import save_diagram_picture
 
-    scenario = load_scenario(name, (*robot, *transport, *overrides, *wire))
-    stem = (output or Path("diagrams")) / scenario_stem(name)
-    for path in save_diagram_picture(MakeDiagram(scenario), stem, depth):
-        click.echo(path)
+    if (name is None) != everything:
+        raise click.UsageError("give the NAME of a scenario, or --all")
+    for each in scenario_names() if name is None else [name]:
+        scenario = load_scenario(each, (*robot, *transport, *overrides, *wire))
+        stem = (output or Path("diagrams")) / scenario_stem(each)
+        for path in save_diagram_picture(MakeDiagram(scenario), stem, depth):
+            click.echo(path)
 
 
 def summary_table(summary: dict, tube: bool) -> str:

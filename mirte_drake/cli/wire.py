@@ -170,13 +170,14 @@ def _drive(
     from mirte_drake import drive as driving
     from mirte_drake.cli.simulation import summary_table
     from mirte_drake.files import replacing_results
+    from mirte_drake.reporting import REPORT_FILE, save_report
     from mirte_drake.run import RUN_FILES, save_run
     from mirte_drake.scenario import wired_robot
     from mirte_drake.visualization.figures import FIGURE_FILES, save_figures
     from mirte_drake.wire_session import wire_to
 
     wired_robot(scenario)
-    with replacing_results(folder, (BAG, *RUN_FILES, *FIGURE_FILES)) as results:
+    with replacing_results(folder, (BAG, *RUN_FILES, *FIGURE_FILES, REPORT_FILE)) as results:
         bag = None if no_bag else results / BAG
         with (
             driving.recording(scenario, bag=bag, live=live) as recorder,
@@ -197,6 +198,7 @@ def _drive(
         summary = save_run(run, results)
         if not no_plots:
             save_figures(run.log, results, input_limit=scenario.input_limit)
+            save_report(results)
     click.echo(summary_table(summary, tube=scenario.tube_updater is not None))
     click.echo(f"Written to {folder}")
     if run.ended:
