@@ -10,6 +10,7 @@ import numpy as np
 from mirte_drake.faults.babbler import join_wire
 from mirte_drake.faults.injector import FaultyLink
 from mirte_drake.faults.processes import (
+    be_punctual,
     child_of,
     controller_process,
     fork_server,
@@ -93,6 +94,7 @@ class Bench:
         self._own_guard: int | None = None
         self._watched = {"robot": os.getpid()}
         self._waited: dict[str, float] = {}
+        be_punctual(True)
 
     def run(self, until: float) -> None:
         """Lets the robot run, and looks on, until a time [s]."""
@@ -171,6 +173,7 @@ class Bench:
 
     def close(self) -> None:
         """Ends guard and controller, and leaves the wire."""
+        be_punctual(False)
         if self._own_guard is not None and is_alive(self._own_guard):
             os.kill(self._own_guard, signal.SIGKILL)
         for process in (self._controller, self._guard):

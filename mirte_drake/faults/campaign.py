@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from mirte_drake.faults.kinds import KINDS
-from mirte_drake.faults.processes import fork_server, prepare_worker
+from mirte_drake.faults.processes import be_quiet, fork_server
 from mirte_drake.faults.trial import Outcome, Trial, run_trial
 from mirte_drake.files import replacing
 from mirte_drake.run import versions
@@ -41,7 +41,7 @@ def run_campaign(
         on_trial: Called after each, for a progress bar.
     """
     with ProcessPoolExecutor(
-        jobs, mp_context=fork_server(), initializer=prepare_worker, max_tasks_per_child=BATCH
+        jobs, mp_context=fork_server(), initializer=be_quiet, max_tasks_per_child=BATCH
     ) as pool:
         pending = {pool.submit(run_trial, trial): trial for trial in todo}
         outcomes = []

@@ -19,7 +19,7 @@ from mirte_drake import drive as driving
 from mirte_drake.control.nmpc_solver import make_nmpc_solver
 from mirte_drake.faults.deaf_link import DeafLink
 from mirte_drake.faults.sabotage import Orders, Sabotage, Saboteur
-from mirte_drake.hardware.guard import run_guard
+from mirte_drake.hardware.guard import become_urgent, run_guard
 from mirte_drake.hardware.link import Role
 from mirte_drake.hardware.wire_config import open_link
 from mirte_drake.scenario import Scenario, wired_robot
@@ -41,6 +41,7 @@ def guard_process(scenario: Scenario, orders: Orders) -> None:
     """Runs a guard, as `mirte-drake guard` does; it hears no controller once that is ordered."""
     _begin()
     robot = wired_robot(scenario)
+    become_urgent()
     with open_link(robot.wire, Role.GUARD) as link:
         run_guard(DeafLink(link, orders), robot.governor, scenario.first_pose)
 
@@ -55,7 +56,8 @@ def controller_process(
     """Drives a scenario, as `mirte-drake drive` does, and tells how it ended."""
     _begin()
 
-    def sabotaged(diagram: Diagram) -> None:
+    def prepare(diagram: Diagram) -> None:
+        be_punctual(True)
         if sabotage is not None:
             nmpc = diagram.GetSubsystemByName("controller").GetSubsystemByName("nominal_nmpc")
             assert isinstance(nmpc, NominalNmpc)
@@ -64,7 +66,7 @@ def controller_process(
 
     try:
         with wire_to(scenario, own_guard=own_guard) as (link, session):
-            run = driving.drive(scenario, "faults", link, session, on_diagram=sabotaged)
+            run = driving.drive(scenario, "faults", link, session, on_diagram=prepare)
         told.send(run.ended or "the path is at its end")
     except Exception as error:
         told.send(f"{type(error).__name__}: {error}")
@@ -107,19 +109,24 @@ def waiting_time(pid: int) -> float:
         return 0.0
 
 
-def prepare_worker() -> None:
-    """Prepares a process for trials: it is as punctual as a robot, and says nothing.
-
-    Of a fault there is much to say, by guards and by DDS. What is punctual depends on nobody else
-    on this machine, where it may; processes that it starts are like any others.
-    """
+def be_quiet() -> None:
+    """Lets this process, and those that it starts, say nothing: of a fault there is much to say."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())
-    with suppress(OSError):
-        os.sched_setscheduler(0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, os.sched_param(1))
+
+
+def be_punctual(punctual: bool) -> None:
+    """Keeps others from holding up the threads of this process, where it may, or lets them again.
+
+    What else this machine does, other trials first of all, is no part of a trial.
+    """
+    policy, priority = (os.SCHED_RR, 1) if punctual else (os.SCHED_OTHER, 0)
+    for thread in Path("/proc/self/task").iterdir():
+        with suppress(OSError):
+            os.sched_setscheduler(int(thread.name), policy, os.sched_param(priority))
 
 
 def _begin() -> None:
-    """Checks where this process comes from, limits its life, and makes it punctual, where it may.
+    """Checks where this process comes from, and limits its life.
 
     Raises:
         RuntimeError: when the fork server has threads, which do not survive a fork.
@@ -129,5 +136,3 @@ def _begin() -> None:
     threads = int(status.partition("Threads:")[2].split()[0])
     if threads != 1:
         raise RuntimeError(f"the fork server has {threads} threads; set OMP_NUM_THREADS=1")
-    with suppress(OSError):
-        os.nice(-10)

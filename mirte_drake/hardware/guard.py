@@ -136,7 +136,7 @@ def run_guard(
     """Guards until SIGINT or SIGTERM; the wheels stand when it returns.
 
     Args:
-        link: The guard's end of the wire.
+        link: The guard's end of the wire, opened once this process had ``become_urgent``.
         config: Limits.
         start: (3,) [m, m, rad] where the path begins.
         one_session: Whether it belongs to the process that started it: it ends by itself when the
@@ -151,7 +151,8 @@ def run_guard(
     ends: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _: ends.append(number))
-    _become_urgent()
+    gc.collect()
+    gc.freeze()  # It has less to look at, and so holds the process up for less.
     parent = os.getppid()
     on_ready()
     while not ends:
@@ -162,10 +163,12 @@ def run_guard(
     guard.say_farewell()
 
 
-def _become_urgent() -> None:
-    """Keeps others, and the garbage collector, from holding the process up, where it may."""
-    gc.collect()
-    gc.freeze()
+def become_urgent() -> None:
+    """Keeps others from holding this process up, where it may.
+
+    To be called before the wire is opened: the threads that DDS and LCM receive with are then as
+    urgent; else they, and with them messages, wait for whatever else the machine does.
+    """
     with contextlib.suppress(OSError, AttributeError):
         os.nice(-10)
     with contextlib.suppress(OSError, AttributeError):
@@ -177,6 +180,7 @@ def main() -> None:
     try:
         order = parse_typed(GuardOrder, sys.stdin.read(), "guard")
         order.validate()
+        become_urgent()
         with open_link(order.wire, Role.GUARD) as link:
             run_guard(
                 link,
