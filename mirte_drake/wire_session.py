@@ -68,7 +68,9 @@ def stop_wheels(link: Link, session: int, clock: Callable[[], float] = time.mono
     # Of an end the guard wants to know nothing but whose it is.
     done = DriveCommand(session, 2**31 - 1, nothing, np.zeros(POSE_SIZE), 0, False, done=True)
     link.send(done)
+    link.wait(0.0)  # What came before this has perhaps not been looked at.
     heard = link.latest(GuardStatus)
+    # Of a guard that is gone there is nothing to wait for while the wheels turn.
     patience = 0.0 if heard is None or start - heard.arrival > GUARD_TIMEOUT else CONFIRMATION
     while clock() - start < patience:
         link.wait(0.01)

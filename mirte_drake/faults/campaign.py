@@ -40,14 +40,13 @@ def run_campaign(
         jobs: So many run at once, each on a wire of its own.
         on_trial: Called after each, for a progress bar.
     """
-    with ProcessPoolExecutor(
-        jobs, mp_context=fork_server(), initializer=be_quiet, max_tasks_per_child=BATCH
-    ) as pool:
-        pending = {pool.submit(run_trial, trial): trial for trial in todo}
-        outcomes = []
-        for future in as_completed(pending):
-            outcomes.append(future.result())
-            on_trial()
+    outcomes = []
+    for batch in (todo[i : i + jobs * BATCH] for i in range(0, len(todo), jobs * BATCH)):
+        # New processes for every batch: the pool of Python 3.11 hangs when it replaces its own.
+        with ProcessPoolExecutor(jobs, mp_context=fork_server(), initializer=be_quiet) as pool:
+            for future in as_completed([pool.submit(run_trial, trial) for trial in batch]):
+                outcomes.append(future.result())
+                on_trial()
     return sorted(outcomes, key=lambda outcome: outcome.trial.number)
 
 
