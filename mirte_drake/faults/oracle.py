@@ -102,12 +102,8 @@ def outside(x_max: float) -> Oracle:
     """Returns an oracle: a stop is due at the first odometry beyond ``x_max`` [m]."""
 
     def when(record: Record) -> Expectation:
-        allowed = False
-        for sent in record.odometry:
-            if sent.message.pose[0] > x_max + PLACE_ERROR:
-                return Expectation(sent.sent)
-            allowed |= bool(sent.message.pose[0] > x_max - PLACE_ERROR)
-        return Expectation(allowed=allowed)
+        beyond = [(sent.sent, sent.message.pose[0] - x_max) for sent in record.odometry]
+        return _at_first_beyond(beyond, PLACE_ERROR)
 
     return when
 
@@ -121,14 +117,12 @@ def off_reference(poses: np.ndarray, period: float) -> Oracle:
     """
 
     def when(record: Record) -> Expectation:
-        allowed = False
+        beyond = []
         for sent in record.odometry:
             sample = np.clip(round((sent.sent - record.start) / period), 0, len(poses) - 1)
             distance = np.linalg.norm((sent.message.pose - poses[sample])[:YAW])
-            if distance > MAX_DISTANCE + DISTANCE_ERROR:
-                return Expectation(sent.sent)
-            allowed |= bool(distance > MAX_DISTANCE - DISTANCE_ERROR)
-        return Expectation(allowed=allowed)
+            beyond.append((sent.sent, float(distance) - MAX_DISTANCE))
+        return _at_first_beyond(beyond, DISTANCE_ERROR)
 
     return when
 
@@ -136,6 +130,19 @@ def off_reference(poses: np.ndarray, period: float) -> Oracle:
 def push(command: np.ndarray) -> float:
     """Returns the command [pwm] of four wheels alike that pushes as much as this one (4,)."""
     return float(np.linalg.norm(PUSHES @ command)) / len(WHEELS)
+
+
+def _at_first_beyond(beyond: list[tuple[float, float]], error: float) -> Expectation:
+    """Returns that a stop is due when a limit is first passed, if it is by more than an error.
+
+    Args:
+        beyond: When [s], and by how much a limit is passed.
+        error: With which the latter is known.
+    """
+    most = max((distance for _, distance in beyond), default=-np.inf)
+    if most <= error:
+        return Expectation(allowed=most > -error)
+    return Expectation(next(time for time, distance in beyond if distance > 0))
 
 
 def _ages(record: Record) -> Iterator[tuple[float, float]]:

@@ -126,6 +126,7 @@ def test_wheels_that_do_not_push_for_long_enough_make_no_stop_due():
 
 def test_outside():
     assert outside(0.123)(drive()).since == pytest.approx(1.301)
+    assert outside(0.128)(drive()).since == pytest.approx(1.301)
     assert not outside(0.5)(drive()).due
     # At 0.22 m it ends, within an error of measuring of the edge.
     assert outside(0.219)(drive()).allowed
@@ -135,8 +136,8 @@ def test_off_the_reference():
     poses = np.column_stack([0.01 * np.arange(30), np.zeros((30, 2))])
     oracle = off_reference(poses, 0.1)
     assert not oracle(drive()).due and not oracle(drive()).allowed
-    pushed = [odometry(t, pose=[0.1 * t, max(t - 1.0, 0.0), 0]) for t in every(0.1, -0.5, END)]
-    assert oracle(drive(odometry=pushed)).since == pytest.approx(1.601)  # At 0.6 m.
+    pushed = [odometry(t, pose=[0.1 * t, max(t - 0.95, 0.0), 0]) for t in every(0.1, -0.5, END)]
+    assert oracle(drive(odometry=pushed)).since == pytest.approx(1.501)
     nearly = [odometry(t, pose=[0.1 * t, min(max(t - 1.0, 0), 0.49), 0]) for t in every(0.1, 0, 2)]
     assert oracle(drive(odometry=nearly)).allowed
 
