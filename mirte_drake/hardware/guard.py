@@ -115,6 +115,7 @@ def run_guard(
     start: np.ndarray,
     *,
     clock: Callable[[], float] = time.monotonic,
+    on_ready: Callable[[], None] = lambda: None,
     until: Callable[[], bool] = lambda: False,
 ) -> None:
     """Guards the robot at one end of a wire; at its end, however it comes, the wheels stand still.
@@ -124,13 +125,16 @@ def run_guard(
         config: Limits of the governor.
         start: (3,) [m, m, rad] pose of the path where a drive begins.
         clock: Time [s], the same for all ages.
+        on_ready: Called once, when the first zeros have been sent.
         until: Tells whether to end; asked at every look.
 
     Raises:
-        ValueError: when ``config`` or ``start`` is out of range.
+        ValueError: when ``config`` or ``start`` is out of range; then nothing is sent.
     """
     guard = _Guard(link, config, start, clock)
     try:
+        link.send(WheelCommand(STILL))
+        on_ready()
         while not until():
             try:
                 guard.look()

@@ -19,8 +19,6 @@ from mirte_drake.errors import UserError
 from mirte_drake.hardware.governor_config import GovernorConfig
 from mirte_drake.hardware.guard import run_guard
 from mirte_drake.hardware.link import Role
-from mirte_drake.hardware.messages import WheelCommand
-from mirte_drake.hardware.wheel_limits import STILL
 from mirte_drake.hardware.wire_config import LcmWireConfig, Ros2WireConfig, WireConfig, open_link
 from mirte_drake.typed_yaml import parse_typed
 
@@ -136,11 +134,9 @@ def serve(setup: GuardSetup, on_ready: Callable[[], None] = lambda: None) -> Non
         return bool(told) or time.monotonic() - alone_since > LINGER
 
     with open_link(setup.wire, Role.GUARD) as link:
-        link.send(WheelCommand(STILL))
-        on_ready()
         gc.collect()
         gc.freeze()  # What is there now is here to stay: no need to look through it again.
-        run_guard(link, setup.governor, setup.start, until=over)
+        run_guard(link, setup.governor, setup.start, on_ready=on_ready, until=over)
 
 
 def main() -> int:
