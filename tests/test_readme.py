@@ -5,6 +5,7 @@ import shlex
 from pathlib import Path
 
 import pytest
+from wire_processes import WIRES, robot_process
 
 from mirte_drake.cli import main
 from mirte_drake.comparison import (
@@ -29,6 +30,7 @@ TABLE = README.split("<!-- results", 1)[1].split("\n\n", 1)[0]
 COMPARISON = README.split("<!-- comparison", 1)[1].split("```")[1]
 ROWS = dict(re.findall(r"^\| (\w+) \| (\d.*) \|$", TABLE, re.M))
 COMMANDS = re.findall(r"^    (mirte-drake .*)$", README, re.M)
+WIRE_COMMANDS = [command for command in COMMANDS if "--transport" in command]
 
 
 def check(name: str, rmse: list[str], outside: str, *overrides: str) -> None:
@@ -116,13 +118,27 @@ def test_every_command_runs(tmp_path, monkeypatch, capsys):
         "compare": "--runs 1 --scenario baseline_circle --set duration=0.3",
         "figures": "5-2",
     }
-    assert len(COMMANDS) == 23
-    for command in COMMANDS:
+    commands = [command for command in COMMANDS if command not in WIRE_COMMANDS]
+    assert len(commands) == 28
+    for command in commands:
         arguments = shlex.split(command)[1:]
         main([*arguments, *shorter.get(arguments[0], "").split()])
     assert (tmp_path / "my_circle" / "summary.json").is_file()
     assert (tmp_path / "mine.yaml").is_file()
     assert (tmp_path / "fleet" / "weak_wheels.yaml").is_file()
+
+
+def test_every_command_at_the_wire_runs(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    robot, *others = [shlex.split(command, comments=True)[1:] for command in WIRE_COMMANDS]
+    assert robot[0] == "robot" and len(others) == 4
+    transport = robot.index("--transport")
+    shorter = {"drive": "--set duration=1 --no-plots", "collect": "--duration 2"}
+    with robot_process("ros2", *robot[1:transport], *robot[transport + 2 :]):
+        for arguments in others:
+            main([*arguments, *WIRES["ros2"], *shorter.get(arguments[0], "").split()])
+    assert (tmp_path / "runs" / "rectangle" / "drive.mcap").is_file()
+    assert "zeros sent" in capsys.readouterr().out
 
 
 def test_links_lead_somewhere():
