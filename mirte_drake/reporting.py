@@ -52,7 +52,7 @@ def load_run(folder: Path) -> ReportedRun:
         summary=summary,
         log=arrays,
         saturation=saturation(arrays["applied_input"], scenario.input_limit),
-        oscillation=oscillation(arrays["applied_input"], arrays["time"][-1]),
+        oscillation=oscillation(arrays["applied_input"], max(arrays["time"][-1], scenario.period)),
     )
 
 
