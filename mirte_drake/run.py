@@ -25,6 +25,7 @@ from mirte_drake.vectors import POSE, POSE_SIZE
 ROUNDING = 1e-9  # [m, rad, pwm] Where the controller meets a bound exactly.
 
 RUN_FILES = ("log.npz", "summary.json", "as_run.scenario.yaml")
+REPLAY_FILE = "replay.html"  # What ``replay`` makes of them.
 
 
 @dc.dataclass(frozen=True)

@@ -13,9 +13,11 @@ from mirte_drake.cli import (  # noqa: F401 They add their commands.
     collection,
     comparison,
     identification,
+    replay,
     robot_export,
     robot_fit,
     simulation,
+    watch,
 )
 from mirte_drake.cli.options import commands
 from mirte_drake.errors import UserError

@@ -25,6 +25,7 @@ def scenarios() -> None:
 @robot_option
 @set_option
 @click.option("--no-plots", is_flag=True, help="Leaves the figures out.")
+@click.option("--replay", is_flag=True, help="Makes a page that plays the run in 3-D, too.")
 @output_option
 def simulate(
     name: str,
@@ -32,6 +33,7 @@ def simulate(
     robot: tuple[str, ...],
     overrides: tuple[str, ...],
     no_plots: bool,
+    replay: bool,
     output: Path | None,
 ) -> None:
     """Runs the scenario NAME, or the one in a YAML file, and writes what came out.
@@ -39,7 +41,7 @@ def simulate(
     Writes summary.json, log.npz, the scenario as it was run, and figures as PDF, SVG and PNG.
     """
     from mirte_drake.files import replacing_results
-    from mirte_drake.run import RUN_FILES, save_run
+    from mirte_drake.run import REPLAY_FILE, RUN_FILES, save_run
     from mirte_drake.run import simulate as run_scenario
     from mirte_drake.scenario import load_scenario, scenario_stem
     from mirte_drake.visualization.figures import FIGURE_FILES, save_figures
@@ -49,12 +51,16 @@ def simulate(
     scenario = load_scenario(name, (*robot, *overrides))
     stem = scenario_stem(name)
     folder = output or Path("runs") / stem
-    with replacing_results(folder, (*RUN_FILES, *FIGURE_FILES)) as results:
+    with replacing_results(folder, (*RUN_FILES, *FIGURE_FILES, REPLAY_FILE)) as results:
         with click.progressbar(length=scenario.steps, label=stem, file=sys.stderr) as bar:
             run = run_scenario(scenario, stem, on_sample=lambda: bar.update(1))
         summary = save_run(run, results)
         if not no_plots:
             save_figures(run.log, results, input_limit=scenario.input_limit)
+        if replay:
+            from mirte_drake.replay import write_replay
+
+            write_replay(results, results / REPLAY_FILE)
     click.echo(_table(summary, tube=scenario.tube_updater is not None))
     click.echo(f"Written to {folder}")
 
