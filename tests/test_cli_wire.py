@@ -38,7 +38,7 @@ pytestmark = pytest.mark.xdist_group("wire")
             ["robot.governor.slew_limit", "0"],
         ),
         (["robot", "--transport", "lcm", "--wire", "url=nonsense"], ["url", "nonsense"]),
-        (["simulate", "rectangle", "--set", "robot=!LcmRobotConfig {}"], ["drive", "simulate"]),
+        (["simulate", "rectangle", "--set", "robot=!LcmRobotConfig {}"], ["drive", "wire"]),
     ],
 )
 def test_wrong_use(tmp_path, monkeypatch, capsys, arguments, words):
