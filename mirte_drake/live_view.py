@@ -31,8 +31,8 @@ def floor_patches(scenario: Scenario) -> list[Patch]:
 
 def scene_stage(scenario: Scenario, background: str) -> Stage:
     """Returns where the robot of a scenario will be, and what is on the floor there."""
-    wired = isinstance(scenario.robot, WiredRobotConfig)
-    start = None if wired else scenario.robot.initial_pose
+    robot = scenario.robot
+    start = None if isinstance(robot, WiredRobotConfig) else robot.initial_pose
     start = (scenario.first_pose if start is None else start)[:2]
     if isinstance(scenario.reference, VelocitySetpointConfig):
         places = start + ROOM * np.array([[-1.0, -1.0], [1.0, 1.0]])

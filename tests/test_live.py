@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from meshcat_spy import MeshcatSpy
 
-from mirte_drake.live import IDLE, Pace, watch
+from mirte_drake.live import IDLE, KeptTime, watch
 from mirte_drake.scenario import load_scenario
 from mirte_drake.visualization.run_controls import PAUSE, RESTART, SPEED, STOP
 
@@ -31,7 +31,7 @@ def nothing(_):
     pass
 
 
-def run(*actions, overrides=("duration=30",)) -> tuple[Pace, MeshcatSpy, Hands]:
+def run(*actions, overrides=("duration=30",)) -> tuple[KeptTime, MeshcatSpy, Hands]:
     meshcat = MeshcatSpy()
     hands = Hands(meshcat, *actions)
     pace = watch(load_scenario("rectangle", overrides), meshcat, ready=hands)
@@ -114,5 +114,5 @@ def test_waits_at_its_end_and_begins_anew():
 
 
 def test_the_rate_is_what_was_simulated_over_what_it_took():
-    assert Pace().rate == 1.0  # Nothing yet.
-    assert Pace(simulated=1.0, taken=2.0).rate == 0.5
+    assert KeptTime().rate == 1.0  # Nothing yet.
+    assert KeptTime(simulated=1.0, taken=2.0).rate == 0.5
