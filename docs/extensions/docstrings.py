@@ -6,6 +6,7 @@ block a formula or an example. What a field means is said in a comment beside it
 
 import ast
 import dataclasses as dc
+import importlib
 import inspect
 import io
 import re
@@ -14,7 +15,9 @@ import tokenize
 from typing import Any
 
 import numpy as np
+from docutils import nodes
 from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
 
 INDENT = "    "
 
@@ -142,6 +145,13 @@ def process_docstring(
         lines += field_list(item)
 
 
+def polish(
+    app: Sphinx, what: str, name: str, item: object, options: object, lines: list[str]
+) -> None:
+    """Sets the dashes of exceptions and parameters, after napoleon has written them."""
+    lines[:] = [line.replace("** -- ", "** – ") for line in lines]
+
+
 def process_signature(
     app: Sphinx, what: str, name: str, item: object, options: object, signature: str, result: str
 ) -> tuple[str, str] | None:
@@ -158,10 +168,30 @@ def skip_member(
     return True if (getattr(item, "__doc__", None) or "").startswith("Alias for field") else None
 
 
+class Fields(SphinxDirective):
+    """Directive ``fields``: lists the fields of dataclasses, given by their dotted names."""
+
+    required_arguments = 1
+    final_argument_whitespace = True
+
+    def run(self) -> list[nodes.Node]:
+        """Returns for each the name, what it says about itself, and its fields."""
+        lines = []
+        for name in self.arguments[0].split():
+            module, _, member = name.rpartition(".")
+            cls = getattr(importlib.import_module(module), member)
+            says = escaped((inspect.getdoc(cls) or "").partition("\n\n")[0].replace("\n", " "))
+            lines += [f":py:class:`{member} <{name}>`", INDENT + says, ""]
+            lines += [INDENT + line if line else "" for line in field_list(cls)]
+        return self.parse_text_to_nodes("\n".join(lines))
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     """Connects both to autodoc."""
     app.setup_extension("sphinx.ext.autodoc")
+    app.add_directive("fields", Fields)
     app.connect("autodoc-process-docstring", process_docstring, priority=400)
+    app.connect("autodoc-process-docstring", polish, priority=900)
     app.connect("autodoc-process-signature", process_signature)
     app.connect("autodoc-skip-member", skip_member)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

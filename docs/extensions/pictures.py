@@ -144,24 +144,26 @@ def sindyc_picture(_: Run, theme: Theme) -> Figure:
     )
     shown = np.sign(found) * np.sqrt(np.abs(found) / np.abs(found).max(axis=0))
 
-    figure = Figure(figsize=(7.4, 3.7), layout="constrained")
+    figure = Figure(figsize=(7.4, 4.0), layout="constrained")
     left, middle, right = figure.subfigures(1, 3, width_ratios=(1.25, 1.5, 0.75))
     panels = left.subplots(2, 1, sharex=True)
     window = slice(0, 160)
     panels[0].plot(recording.time[window], u[window], lw=1.0)
-    panels[1].plot(recording.time[window], recording.body_velocity[window], lw=1.0)
+    lines = panels[1].plot(recording.time[window], recording.body_velocity[window], lw=1.0)
+    panels[1].legend(lines, ("$v_x$", "$v_y$", "$\\Omega$"), frameon=False, fontsize=8, ncols=3,
+                     borderaxespad=0.1, handlelength=1.2)  # fmt: skip
     panels[0].set(ylabel="wheels [%]", title="1  record")
     panels[1].set(ylabel="velocity", xlabel="time [s]")
     axes = middle.subplots()
     image = {"cmap": "RdBu_r", "vmin": -1, "vmax": 1, "aspect": "auto", "interpolation": "none"}
     axes.imshow(library[:400:2], **image)
     axes.set(title="2  library $\\Theta(x, u)$", ylabel="samples", yticks=[], xlabel="terms")
-    axes.set_xticks(range(len(names)), [_symbol(name) for name in names], rotation=90, fontsize=6.5)
+    axes.set_xticks(range(len(names)), [_symbol(name) for name in names], rotation=90, fontsize=7.5)
     axes = right.subplots()
     axes.imshow(np.where(found == 0, np.nan, shown), **image)
     axes.set_title("3  sparse $\\Xi$")
     axes.set_xticks(range(3), ["$\\dot{x}$", "$\\dot{y}$", "$\\dot{\\theta}$"])
-    axes.set_yticks(range(len(names)), [_symbol(name) for name in names], fontsize=6.5)
+    axes.set_yticks(range(len(names)), [_symbol(name) for name in names], fontsize=7.5)
     axes.set_xticks(np.arange(0.5, 2), minor=True)
     axes.grid(which="minor", color=theme.faint, lw=0.4)
     return figure
