@@ -9,7 +9,7 @@ import dataclasses as dc
 import re
 from pathlib import Path
 
-from docstrings import escaped
+from docstrings import escaped, prepared
 from sphinx.application import Sphinx
 
 import mirte_drake
@@ -76,13 +76,15 @@ class Module:
 
     @property
     def members(self) -> list[tuple[str, str, bool]]:
-        """What it defines: kind, name, whether pictured; systems first, then other classes."""
+        """What it defines: kind, name, whether pictured; systems first, then other classes.
+
+        The kind is class, function or template: a function that makes a class of a scalar type.
+        """
         found = []
         for node in self.tree.body:
             if isinstance(node, ast.ClassDef | ast.FunctionDef) and not node.name.startswith("_"):
-                # A template is described by its class for floats.
-                is_class = isinstance(node, ast.ClassDef) or node.name.endswith("_")
-                kind = "class" if is_class else "function"
+                kind = "class" if isinstance(node, ast.ClassDef) else "function"
+                kind = "template" if node.name.endswith("_") else kind
                 found.append((kind, node.name.rstrip("_"), BLOCK in ast.unparse(node)))
         return sorted(found, key=lambda member: (not member[2], member[0] == "function"))
 
@@ -111,11 +113,28 @@ def module_page(module: Module) -> str:
     name = f"mirte_drake.{module.name}"
     lines = [*headed(module.title), f".. automodule:: {name}", ""]
     for kind, member, system in module.members:
+        if kind == "template":
+            lines += template(f"{name}.{member}", module.tree)
+            continue
         lines += [f".. auto{kind}:: {name}.{member}"]
         lines += ["   :members:"] if kind == "class" else []
         lines += ["   :show-inheritance:"] if kind == "class" and system else []
         lines += [""]
     return "\n".join(lines)
+
+
+def template(name: str, tree: ast.Module) -> list[str]:
+    """Returns the description of a class for floats by the docstring of its template's class.
+
+    autodoc sees in it an alias, since Drake gives it another name.
+    """
+    (inner,) = (
+        node
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ClassDef) and BLOCK in (ast.get_docstring(node) or "")
+    )
+    text = prepared((ast.get_docstring(inner) or "").splitlines())
+    return [f".. py:class:: {name}", "", *(f"   {line}".rstrip() for line in text), ""]
 
 
 def contents_page(title: str, text: str, groups: dict[str, list[Module]]) -> str:
