@@ -27,8 +27,7 @@ docs: $(VENV)/installed
 
 # Redraws the pictures beside the scenarios.
 diagrams: $(VENV)/installed
-	for file in diagrams/*.scenario.yaml; do \
-	  $(BIN)/mirte-drake diagram $$(basename $$file .scenario.yaml) --output diagrams || exit; done
+	$(BIN)/mirte-drake diagram --all
 
 clean:
 	rm -rf $(VENV) runs build dist docs/_build docs/generated .pytest_cache .mypy_cache .ruff_cache

@@ -81,6 +81,8 @@ def collect(
     try:
         for k in range(num_samples(excitation, period)):
             pace.before(context)
+            if k == 0:
+                simulator.Initialize()  # Takes in what came over a wire before.
             simulator.AdvanceTo(k * period)
             values = np.concatenate([port.Eval(context) for port in ports])
             rows.append([context.get_time(), *values])

@@ -1,7 +1,9 @@
 """What makes the next sample come: simulated time, or odometry on a wire."""
 
+import signal
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 
 import numpy as np
 from pydrake.systems.framework import Context, Diagram
@@ -51,6 +53,8 @@ class WirePace(Pace):
         grace: float = 0.02,
         clock: Callable[[], float] = time.monotonic,
         watch: Callable[[], object] = lambda: None,
+        refuse: Callable[[Odometry], str | None] = lambda _: None,
+        record: Callable[[Context], object] = lambda _: None,
     ) -> None:
         """Begins before the first sample.
 
@@ -61,9 +65,12 @@ class WirePace(Pace):
             grace: [s] how long odometry may be late.
             clock: [s] that messages' times of arrival are of.
             watch: Called between pieces of waiting; may raise to end the drive.
+            refuse: Says why odometry is of no use to begin with, or None.
+            record: Called at each sample, once its command is on its way.
         """
         self._diagram, self._link, self._period, self._grace = diagram, link, period, grace
-        self._clock, self._watch = clock, watch
+        self._clock, self._watch, self._refuse = clock, watch, refuse
+        self._record = record
         self._expected = self._last = -np.inf
         self._seen = 0
         self._fresh = False
@@ -90,11 +97,13 @@ class WirePace(Pace):
         odometry = self._link.latest(Odometry)
         assert odometry is not None
         since = odometry.arrival if self._fresh else self._last
+        latency = self._clock() - since
+        self._record(context)
         return {
             "clock": self._last,
             "fresh_odometry": self._fresh,
             "odometry_age_s": self._diagram.GetOutputPort("odometry_age").Eval(context)[0],
-            "command_latency_s": self._clock() - since,
+            "command_latency_s": latency,
         }
 
     def check_guard(self) -> None:
@@ -110,14 +119,25 @@ class WirePace(Pace):
 
     def _wait_for_company(self) -> None:
         start = self._clock()
-        while self._link.latest(GuardStatus) is None or self._link.latest(Odometry) is None:
+        while missing := self._missing():
             self._watch()
             if self._clock() - start > START_TIMEOUT:
-                who = "guard" if self._link.latest(GuardStatus) is None else "odometry"
-                raise WireStopped(f"no {who} was heard for {START_TIMEOUT:g} s")
+                raise WireStopped(f"{missing} for {START_TIMEOUT:g} s")
             self._link.wait(SLICE)
+        # What came while nobody waited, as when the Diagram was built, may have gaps.
+        self._link.take(Odometry)
         self._seen = self._link.count(Odometry)
         self._expected = self._clock() + self._period
+
+    def _missing(self) -> str:
+        """Returns what it takes to begin and is not there, or nothing."""
+        odometry = self._link.latest(Odometry)
+        if self._link.latest(GuardStatus) is None:
+            return "no guard was heard"
+        if odometry is None:
+            return "no odometry was heard"
+        reason = self._refuse(odometry)
+        return f"odometry was of no use ({reason})" if reason else ""
 
     def _wait_for_odometry(self) -> bool:
         """Returns whether fresh odometry has come, after at least half a period."""
@@ -133,3 +153,21 @@ class WirePace(Pace):
             if now >= deadline:
                 return fresh
             self._link.wait(min(deadline - now, SLICE))
+
+
+@contextmanager
+def interruption() -> Iterator[Callable[[], None]]:
+    """Yields a function that raises WireStopped once SIGINT or SIGTERM came; they do not."""
+    received: list[int] = []
+    signals = (signal.SIGINT, signal.SIGTERM)
+    handlers = {number: signal.signal(number, lambda *_: received.append(1)) for number in signals}
+
+    def watch() -> None:
+        if received:
+            raise WireStopped("interrupted")
+
+    try:
+        yield watch
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)

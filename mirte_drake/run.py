@@ -103,10 +103,11 @@ def samples(
     pace = pace or Pace()
     simulator = Simulator(diagram)
     simulator.get_mutable_integrator().set_target_accuracy(scenario.accuracy)
-    simulator.Initialize()
     context = simulator.get_mutable_context()
     for k in range(scenario.steps):
         pace.before(context)
+        if k == 0:
+            simulator.Initialize()  # Takes in what came over a wire before.
         simulator.AdvanceTo(k * scenario.period)
         more = {}
         if diagram.HasOutputPort("true_pose"):

@@ -156,6 +156,20 @@ def load_prediction_model(scenario: Scenario) -> SparseModel:
     return model
 
 
+def wired_robot(scenario: Scenario) -> WiredRobotConfig:
+    """Returns the robot of a scenario, which must be beyond a wire.
+
+    Raises:
+        UserError: when it is a simulated one.
+    """
+    if not isinstance(scenario.robot, WiredRobotConfig):
+        raise UserError(
+            f"robot: {type(scenario.robot).__name__} is simulated; name its wire by "
+            "--transport ros2 or --transport lcm"
+        )
+    return scenario.robot
+
+
 def scenario_folder() -> Path:
     """Returns the folder of the scenarios: inside the installed package, or beside the source."""
     package = Path(__file__).parent

@@ -3,6 +3,9 @@ from pathlib import Path
 
 import pytest
 from browser import Browser, chromium
+from markupsafe import Markup
+
+from mirte_drake.visualization.page import Page
 
 ROOT = Path(__file__).parents[1]
 
@@ -23,3 +26,9 @@ def browser() -> Iterator[Browser]:
         pytest.skip("there is no Chromium here; on Debian and Ubuntu: apt install chromium")
     with Browser() as page:
         yield page
+
+
+@pytest.fixture
+def blank_figures(monkeypatch):
+    """Pages without the time that drawing takes."""
+    monkeypatch.setattr(Page, "plot", lambda self, draw, label: Markup("<svg></svg>"))

@@ -20,7 +20,8 @@ class ScriptedLink(Link):
 
     def at(self, time, message):
         """Has a message come at a time, stamped with its arrival."""
-        message = dc.replace(message, arrival=time)
+        if hasattr(message, "arrival"):
+            message = dc.replace(message, arrival=time)
         heapq.heappush(self._script, (time, next(self._order), message))
 
     def wait(self, timeout):

@@ -164,3 +164,19 @@ def test_whoever_watches_can_end_the_drive(diagram):
     pace = WirePace(diagram, link, period=PERIOD, clock=link.clock, watch=watch)
     with pytest.raises(WireStopped, match="interrupted"):
         ticks(diagram, link, pace, 5)
+
+
+def test_it_does_not_begin_with_odometry_of_no_use(diagram):
+    link = guarded()
+    for k in range(100):
+        link.at(100.0 + 0.1 * k, odometry(stamp=k))
+
+    def refuse(message):
+        return "nan" if message.stamp < 10 else None
+
+    pace = WirePace(diagram, link, period=PERIOD, clock=link.clock, refuse=refuse)
+    times, _ = ticks(diagram, link, pace, 1)
+    assert times == pytest.approx([1.1])  # It waits for one more, to begin in step.
+    pace = WirePace(diagram, link, period=PERIOD, clock=link.clock, refuse=lambda _: "nan")
+    with pytest.raises(WireStopped, match=r"odometry was of no use \(nan\) for 5 s"):
+        ticks(diagram, link, pace, 1)

@@ -105,14 +105,17 @@ def test_every_block_runs(tmp_path, monkeypatch):
     run = synthetic_recording(config=SyntheticRecordingConfig(excitation))
     save_csv(run, tmp_path / "run.csv")
     save_csv(run, tmp_path / "other_run.csv")
-    every, namespace = pages.blocks(README_FILE), {}
-    assert sum(len(block.commands) for block in every if block.language == "sh") == 29
+    every = pages.blocks(README_FILE)
+    assert sum(len(block.commands) for block in every) == 39
     assert not any(block.not_run for block in every)
-    for block in every:
-        pages.run(block, namespace)
+    with pages.Reader() as reader:
+        for block in every:
+            reader.run(block)
     assert (tmp_path / "my_circle" / "summary.json").is_file()
     assert (tmp_path / "mine.yaml").is_file()
     assert (tmp_path / "fleet" / "weak_wheels.yaml").is_file()
+    assert (tmp_path / "runs" / "rectangle" / "drive.mcap").is_file()
+    assert "zeros sent" in capsys.readouterr().out
 
 
 def newcomers_steps() -> list[list[str]]:
@@ -130,12 +133,13 @@ def test_a_newcomer_gets_there_in_an_empty_folder(tmp_path, monkeypatch, capsys)
     """With the README alone, nothing shortened, and a recording of one's own."""
     monkeypatch.chdir(tmp_path)
     save_csv(synthetic_recording(), tmp_path / "run.csv")
-    for block in pages.blocks(README_FILE):
-        if block.file == "own_path.scenario.yaml":
-            pages.run(block, {})
-    for step in newcomers_steps():
-        for command in step:
-            pages.run_command(command, short=False)
+    with pages.Reader(short=False) as reader:
+        for block in pages.blocks(README_FILE):
+            if block.file == "own_path.scenario.yaml":
+                reader.run(block)
+        for step in newcomers_steps():
+            for command in step:
+                reader.run_command(command)
     assert (tmp_path / "runs" / "own_path" / "path.png").is_file()
     assert "dx/dt" in capsys.readouterr().out
 

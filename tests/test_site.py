@@ -29,12 +29,11 @@ def tutorial_pages() -> list[Path]:
 
 def run_pages(paths, monkeypatch, folder) -> int:
     monkeypatch.chdir(folder)
-    namespace, ran = {}, 0
-    for path in paths:
-        for block in pages.blocks(path):
-            pages.run(block, namespace)
-            ran += not block.not_run
-    return ran
+    every = [block for path in paths for block in pages.blocks(path)]
+    with pages.Reader() as reader:
+        for block in every:
+            reader.run(block)
+    return sum(not block.not_run for block in every)
 
 
 def test_the_tutorial_runs_in_one_folder(tmp_path, monkeypatch):

@@ -7,6 +7,7 @@ import click
 
 from mirte_drake.cli.options import (
     commands,
+    fail,
     file_option,
     robot_option,
     set_option,
@@ -60,7 +61,7 @@ def collect(
         excitation.validate()
     except ValueError as error:
         raise UserError(f"--{error}") from None
-    scenario = load_scenario(name, (*robot, *transport, *wire, *overrides))
+    scenario = load_scenario(name, (*robot, *transport, *overrides, *wire))
     stem = scenario_stem(name)
     output = output or Path("runs") / f"{stem}.csv"
     rows = num_samples(excitation)
@@ -70,7 +71,8 @@ def collect(
             bar.update(1)
 
         if isinstance(scenario.robot, WiredRobotConfig):
-            from mirte_drake.drive import collect_over_wire, wire_to
+            from mirte_drake.drive import collect_over_wire
+            from mirte_drake.wire_session import wire_to
 
             with wire_to(scenario) as (link, session):
                 data = collect_over_wire(
@@ -79,12 +81,11 @@ def collect(
         else:
             data = collect_scenario(scenario, excitation, seed=seed, on_sample=on_sample)
     if not len(data.time):
-        raise click.ClickException(data.ended)
+        fail(data.ended)
     run = RecordedRun(data.time, data.pose, data.body_velocity, data.wheel_command)
     run = repaired(run, lambda row: f"sample {row}", name)
     save_csv(run, output)
     click.echo(f"{len(run.time)} samples, {run.time[-1]:.1f} s")
     click.echo(f"Written to {output}")
     if data.ended:
-        click.echo(f"Error: ended early: {data.ended}", err=True)
-        sys.exit(1)
+        fail(f"ended early: {data.ended}")

@@ -1,12 +1,22 @@
 """The command group, and what its commands share."""
 
+import re
+import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import NoReturn
 
 import click
 
 import mirte_drake
 from mirte_drake.robots.names import ROBOTS, TRANSPORTS, robot_override
+
+
+def fail(message: str) -> NoReturn:
+    """Ends the command as failed, with one line."""
+    click.echo(f"Error: {message}", err=True)
+    sys.exit(1)
+
 
 output_option = click.option(
     "--output",
@@ -59,7 +69,9 @@ transport_option = click.option(
 
 
 def _as_wire_overrides(_: click.Context, __: click.Parameter, wire: tuple[str, ...]) -> list[str]:
-    return [f"robot.wire.{change}" for change in wire]
+    # A URL is no plain YAML where it stands within braces.
+    quoted = [re.sub(r'^url=([^"\'].*)$', r'url="\1"', change) for change in wire]
+    return [f"robot.wire.{change}" for change in quoted]
 
 
 wire_option = click.option(

@@ -10,6 +10,7 @@ import numpy as np
 
 from mirte_drake.cli.options import (
     commands,
+    fail,
     output_option,
     robot_option,
     set_option,
@@ -19,13 +20,24 @@ from mirte_drake.cli.options import (
 from mirte_drake.errors import UserError
 
 if TYPE_CHECKING:
+    from mirte_drake.hardware.link import Link
     from mirte_drake.scenario import Scenario
+
+BAG = "drive.mcap"
 
 running_guard_option = click.option(
     "--running-guard",
     is_flag=True,
     help="Drives by a guard that runs already, as on the robot, instead of one of its own.",
 )
+no_bag_option = click.option("--no-bag", is_flag=True, help="Records no bag.")
+live_option = click.option("--live", is_flag=True, help="Lets Foxglove look on, at port 8765.")
+
+
+def warn_of_exposure(link: "Link") -> None:
+    """Says who beyond this machine can speak on the wire."""
+    if link.exposure:
+        click.echo(f"note: {link.exposure}", err=True)
 
 
 @commands.command()
@@ -50,17 +62,17 @@ def robot(
     """
     import time
 
-    from mirte_drake.drive import interruption, wired_robot
     from mirte_drake.hardware.link import Role
     from mirte_drake.hardware.wire_config import open_link
-    from mirte_drake.pacing import WireStopped
-    from mirte_drake.scenario import load_scenario
+    from mirte_drake.pacing import WireStopped, interruption
+    from mirte_drake.scenario import load_scenario, wired_robot
     from mirte_drake.stand_in import StandIn
 
     wired = wired_robot(load_scenario(name, (*transport, *wire)))
     scenario = load_scenario(name, (*robot, *overrides))
     with open_link(wired.wire, Role.ROBOT) as link, interruption() as watch:
         stand_in = StandIn(scenario, link)
+        warn_of_exposure(link)
         click.echo(f"{type(scenario.robot).__name__} is on the wire; Ctrl-C ends it", err=True)
         end = time.monotonic() + (np.inf if duration is None else duration)
         with suppress(WireStopped):
@@ -83,6 +95,8 @@ def robot(
 @transport_option
 @wire_option
 @running_guard_option
+@live_option
+@no_bag_option
 @click.option("--no-plots", is_flag=True, help="Leaves the figures out.")
 @set_option
 @output_option
@@ -91,6 +105,8 @@ def drive(
     transport: tuple[str, ...],
     wire: tuple[str, ...],
     running_guard: bool,
+    live: bool,
+    no_bag: bool,
     no_plots: bool,
     overrides: tuple[str, ...],
     output: Path | None,
@@ -102,9 +118,9 @@ def drive(
     """
     from mirte_drake.scenario import load_scenario, scenario_stem
 
-    scenario = load_scenario(name, (*transport, *wire, *overrides))
+    scenario = load_scenario(name, (*transport, *overrides, *wire))
     stem = scenario_stem(name)
-    _drive(scenario, stem, output or Path("runs") / stem, running_guard, no_plots)
+    _drive(scenario, stem, output or Path("runs") / stem, running_guard, live, no_bag, no_plots)
 
 
 @commands.command(context_settings={"ignore_unknown_options": True})  # A number may be negative.
@@ -114,6 +130,8 @@ def drive(
 @transport_option
 @wire_option
 @running_guard_option
+@live_option
+@no_bag_option
 @set_option
 @output_option
 def setpoint(
@@ -123,6 +141,8 @@ def setpoint(
     transport: tuple[str, ...],
     wire: tuple[str, ...],
     running_guard: bool,
+    live: bool,
+    no_bag: bool,
     overrides: tuple[str, ...],
     output: Path | None,
 ) -> None:
@@ -133,36 +153,56 @@ def setpoint(
         f"reference=!VelocitySetpointConfig {{setpoint: {list(velocity)}}}",
         f"duration={duration}",
     )
-    scenario = load_scenario(name, (*reference, *transport, *wire, *overrides))
-    _drive(scenario, "setpoint", output or Path("runs/setpoint"), running_guard, no_plots=True)
+    scenario = load_scenario(name, (*reference, *transport, *overrides, *wire))
+    _drive(scenario, "setpoint", output or Path("runs/setpoint"), running_guard, live, no_bag, True)
 
 
 def _drive(
-    scenario: "Scenario", stem: str, folder: Path, running_guard: bool, no_plots: bool
+    scenario: "Scenario",
+    stem: str,
+    folder: Path,
+    running_guard: bool,
+    live: bool,
+    no_bag: bool,
+    no_plots: bool,
 ) -> None:
     """Drives a scenario, writes what came of it, and ends with 1 where it ended early."""
     from mirte_drake import drive as driving
     from mirte_drake.cli.simulation import summary_table
     from mirte_drake.files import replacing_results
+    from mirte_drake.reporting import REPORT_FILE, save_report
     from mirte_drake.run import RUN_FILES, save_run
+    from mirte_drake.scenario import wired_robot
     from mirte_drake.visualization.figures import FIGURE_FILES, save_figures
+    from mirte_drake.wire_session import wire_to
 
-    with replacing_results(folder, (*RUN_FILES, *FIGURE_FILES)) as results:
-        with driving.wire_to(scenario, own_guard=not running_guard) as (link, session):
-            with click.progressbar(length=scenario.steps, label=stem, file=sys.stderr) as bar:
-                run = driving.drive(
-                    scenario, stem, link, session, on_sample=lambda _: bar.update(1)
-                )
+    wired_robot(scenario)
+    with replacing_results(folder, (BAG, *RUN_FILES, *FIGURE_FILES, REPORT_FILE)) as results:
+        bag = None if no_bag else results / BAG
+        with (
+            driving.recording(scenario, bag=bag, live=live) as recorder,
+            wire_to(scenario, own_guard=not running_guard) as (link, session),
+            click.progressbar(length=scenario.steps, label=stem, file=sys.stderr) as bar,
+        ):
+            warn_of_exposure(link)
+            run = driving.drive(
+                scenario,
+                stem,
+                link,
+                session,
+                on_sample=lambda: bar.update(1),
+                recorder=recorder,
+            )
         if not run.log:
-            raise click.ClickException(run.ended)
+            fail(run.ended)
         summary = save_run(run, results)
         if not no_plots:
             save_figures(run.log, results, input_limit=scenario.input_limit)
+            save_report(results)
     click.echo(summary_table(summary, tube=scenario.tube_updater is not None))
     click.echo(f"Written to {folder}")
     if run.ended:
-        click.echo(f"Error: ended early: {run.ended}", err=True)
-        sys.exit(1)
+        fail(f"ended early: {run.ended}")
 
 
 @commands.command()
@@ -178,15 +218,15 @@ def guard(
     It alone sends wheel commands, and stops the robot when the controller or the network is gone.
     Limits are those of the scenario NAME, `robot.governor`. Ends with Ctrl-C, wheels at rest.
     """
-    from mirte_drake.drive import wired_robot
     from mirte_drake.hardware.guard import run_guard
     from mirte_drake.hardware.link import Role
     from mirte_drake.hardware.wire_config import open_link
-    from mirte_drake.scenario import load_scenario
+    from mirte_drake.scenario import load_scenario, wired_robot
 
-    scenario = load_scenario(name, (*transport, *wire, *overrides))
+    scenario = load_scenario(name, (*transport, *overrides, *wire))
     wired = wired_robot(scenario)
     with open_link(wired.wire, Role.GUARD) as link:
+        warn_of_exposure(link)
         run_guard(link, wired.governor, scenario.first_pose)
 
 
@@ -196,10 +236,10 @@ def guard(
 @click.option("--reset", is_flag=True, help="Lets a guard that has stopped the robot go on.")
 def stop(transport: tuple[str, ...], wire: tuple[str, ...], reset: bool) -> None:
     """Stops all wheels at once, by the guard and by zeros of its own."""
-    from mirte_drake.drive import reset_guard, stop_all, wired_robot
     from mirte_drake.hardware.link import Role
     from mirte_drake.hardware.wire_config import open_link
-    from mirte_drake.scenario import load_scenario
+    from mirte_drake.scenario import load_scenario, wired_robot
+    from mirte_drake.wire_session import reset_guard, stop_all
 
     if not transport:
         raise UserError("--transport: is needed: ros2 or lcm")

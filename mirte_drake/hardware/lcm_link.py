@@ -15,6 +15,8 @@ from mirte_drake.hardware.messages import Message, WheelCommand
 from mirte_drake.hardware.multicast import listening_interfaces
 from mirte_drake.hardware.wire_config import LcmWireConfig
 
+MULTICAST_URL = re.compile(r"udpm://([\d.]+):\d+(\?.*)?")
+MEMORY_URL = "memq://"  # Within one DrakeLcm.
 SELF_TEST_CHANNEL = "MIRTE_SELF_TEST"
 SELF_TESTS = 5  # A datagram may be lost, or another process may test itself just then.
 SELF_TEST_PATIENCE = 0.1  # [s] for each.
@@ -32,11 +34,11 @@ def open_lcm(url: str) -> DrakeLcm:
     Raises:
         UserError: when nobody hears it.
     """
-    if not url.startswith(("udpm://", "memq://")):
-        raise UserError(f"url: must begin with udpm:// or memq://, got {url!r}")
+    if url != MEMORY_URL and not MULTICAST_URL.fullmatch(url):
+        raise UserError(f"url: must be udpm://GROUP:PORT?ttl=TTL or memq://, got {url!r}")
     try:
         lcm = DrakeLcm(url)
-        if url.startswith("memq://") or _is_heard(lcm, DrakeLcm(url)):
+        if url == MEMORY_URL or _is_heard(lcm, DrakeLcm(url)):
             return lcm
     except RuntimeError as error:  # Where the environment forbids it.
         raise UserError(f"url: cannot be used: {' '.join(str(error).split())}") from None
@@ -64,7 +66,7 @@ class LcmLink(Link):
     Several links, and Drake systems, may share one DrakeLcm: what one of them waits for, all get.
     So with memq:// controller, guard and robot run in one process.
 
-    What LCM does, each point measured with drake 1.51.1 on Linux:
+    What LCM does, each point measured with drake 1.51.1 and 1.58 on Linux:
 
     - ``ttl=0`` in the URL keeps what is sent on this machine.
     - **It lets messages in from the network.** The receiving socket is bound to the group's
@@ -99,8 +101,13 @@ class LcmLink(Link):
         super().__init__(role)
         config.validate()
         self.lcm = open_lcm(config.url) if lcm is None else lcm
-        group = re.match(r"udpm://([\d.]+)", self.lcm.get_lcm_url())
+        group = MULTICAST_URL.fullmatch(self.lcm.get_lcm_url())
         self.interfaces = listening_interfaces(group[1]) if group else ()
+        if beyond := [name for name in self.interfaces if name != "lo"]:
+            self.exposure = (
+                f"LCM lets in whoever is on the network of {', '.join(beyond)}; "
+                "`ip route add 224.0.0.0/4 dev lo` keeps it to this machine"
+            )
         self._prefix = config.prefix
         self._sender = secrets.randbits(63)
         self._open = True

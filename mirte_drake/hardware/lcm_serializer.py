@@ -6,13 +6,14 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.lcm import SerializerInterface
 
 from mirte_drake.hardware.lcm_messages import decode, encode
+from mirte_drake.hardware.messages import NOTHING
 
 
 class MessageSerializer(SerializerInterface):
     """Lets an LcmSubscriberSystem and an LcmPublisherSystem carry one kind of message.
 
-    Their ports then have the class of messages.py itself; None before the first message, which a
-    publisher must not be given. Bytes that are no such message leave the port as it was.
+    Their ports then have the class of messages.py itself; ``NOTHING`` before the first message.
+        Bytes that are no such message leave the port as it was.
     """
 
     def __init__(self, kind: type) -> None:
@@ -25,8 +26,8 @@ class MessageSerializer(SerializerInterface):
         self._kind = kind
 
     def CreateDefaultValue(self) -> AbstractValue:
-        """Returns the port's value before the first message, None."""
-        return AbstractValue.Make(None)
+        """Returns the port's value before the first message."""
+        return AbstractValue.Make(NOTHING)
 
     def Deserialize(self, message_bytes: bytes, abstract_value: AbstractValue) -> None:
         """Sets the port to the message in the bytes, which came just now."""
@@ -37,8 +38,9 @@ class MessageSerializer(SerializerInterface):
         abstract_value.set_value(message)
 
     def Serialize(self, abstract_value: AbstractValue) -> bytes:
-        """Returns the bytes of the port's message."""
-        return encode(abstract_value.get_value())
+        """Returns the bytes of the port's message; of NOTHING none, which nobody can decode."""
+        message = abstract_value.get_value()
+        return b"" if message == NOTHING else encode(message)
 
     def Clone(self) -> SerializerInterface:
         """Returns another serializer of the same kind."""

@@ -1,6 +1,7 @@
 """Which network interfaces let a multicast group in, as the operating system says."""
 
 import socket
+import sys
 from pathlib import Path
 
 MEMBERSHIPS = Path("/proc/net/igmp")  # Of Linux; all processes' together.
@@ -16,7 +17,7 @@ def listening_interfaces(group: str, memberships: str | None = None) -> tuple[st
     if memberships is None:
         memberships = MEMBERSHIPS.read_text() if MEMBERSHIPS.exists() else ""
     # The kernel prints the address as the number that its four bytes are to this machine.
-    wanted = f"{int.from_bytes(socket.inet_aton(group), 'little'):08X}"
+    wanted = f"{int.from_bytes(socket.inet_aton(group), sys.byteorder):08X}"
     interface, found = "", []
     for line in memberships.splitlines()[1:]:
         words = line.split()

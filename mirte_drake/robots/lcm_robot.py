@@ -7,7 +7,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, TriggerType
 from pydrake.systems.lcm import LcmPublisherSystem, LcmSubscriberSystem
 
 from mirte_drake.checks import check_parts
-from mirte_drake.hardware.governor import GovernorConfig
+from mirte_drake.hardware.governor_config import GovernorConfig
 from mirte_drake.hardware.messages import DriveCommand, GuardStatus, Odometry, PlanView
 from mirte_drake.hardware.wire_config import LcmWireConfig
 from mirte_drake.robots.wire_robot import WireRobot
@@ -42,28 +42,36 @@ def MakeLcmRobot(config: LcmRobotConfig, adapter: WireRobot, link: "LcmLink") ->
     Raises:
         ValueError: when ``config`` is out of range.
     """
+    from mirte_drake.hardware.lcm_messages import channel
     from mirte_drake.hardware.lcm_serializer import MessageSerializer
 
     config.validate()
     builder = DiagramBuilder()
     builder.AddNamedSystem("adapter", adapter)
 
-    def subscriber(kind: type) -> LcmSubscriberSystem:
-        system = LcmSubscriberSystem(link.channel(kind), MessageSerializer(kind), link.lcm, 0.0)
-        return builder.AddSystem(system)
+    def subscriber(name: str, kind: type) -> LcmSubscriberSystem:
+        system = LcmSubscriberSystem(
+            channel(config.wire.prefix, kind), MessageSerializer(kind), link.lcm, 0.0
+        )
+        return builder.AddNamedSystem(name, system)
 
-    def publisher(kind: type) -> LcmPublisherSystem:
+    def publisher(name: str, kind: type) -> LcmPublisherSystem:
         triggers = {TriggerType.kForced}  # See LinkSink.
-        serializer = MessageSerializer(kind)
-        system = LcmPublisherSystem(link.channel(kind), serializer, link.lcm, triggers, 0.0)
-        return builder.AddSystem(system)
+        system = LcmPublisherSystem(
+            channel(config.wire.prefix, kind), MessageSerializer(kind), link.lcm, triggers, 0.0
+        )
+        return builder.AddNamedSystem(name, system)
 
+    odometry = subscriber("odometry_subscriber", Odometry)
+    status = subscriber("guard_status_subscriber", GuardStatus)
+    command = publisher("drive_command_publisher", DriveCommand)
+    view = publisher("plan_view_publisher", PlanView)
     return MakeWiredRobot(
         "lcm_robot",
         builder,
         adapter,
-        odometry=subscriber(Odometry).get_output_port(),
-        guard_status=subscriber(GuardStatus).get_output_port(),
-        drive_command=publisher(DriveCommand).get_input_port(),
-        plan_view=publisher(PlanView).get_input_port(),
+        odometry=odometry.get_output_port(),
+        guard_status=status.get_output_port(),
+        drive_command=command.get_input_port(),
+        plan_view=view.get_input_port(),
     )

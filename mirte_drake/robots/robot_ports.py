@@ -27,5 +27,5 @@ class WirePorts:
     plan: InputPort  # Plan, for onlookers.
     clock: InputPort  # (1,) [s] time.monotonic() at the sample.
     odometry_age: OutputPort  # (1,) [s] of the measured pose.
-    drive_command: OutputPort  # DriveCommand to the guard, or None.
-    plan_view: OutputPort  # PlanView to onlookers, or None.
+    drive_command: OutputPort  # DriveCommand to the guard, or NOTHING.
+    plan_view: OutputPort  # PlanView to onlookers, or NOTHING.

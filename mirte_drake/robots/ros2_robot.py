@@ -5,7 +5,7 @@ import dataclasses as dc
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from mirte_drake.checks import check_parts
-from mirte_drake.hardware.governor import GovernorConfig
+from mirte_drake.hardware.governor_config import GovernorConfig
 from mirte_drake.hardware.link import Link
 from mirte_drake.hardware.messages import GuardStatus, Odometry
 from mirte_drake.hardware.wire_config import Ros2WireConfig

@@ -17,7 +17,7 @@ from pydrake.systems.framework import (
 
 from mirte_drake.control.plan import Plan, SolveStatus
 from mirte_drake.frames import path_frame, to_odometry_frame, to_path_frame
-from mirte_drake.hardware.messages import DriveCommand, GuardStatus, Odometry, PlanView
+from mirte_drake.hardware.messages import NOTHING, DriveCommand, GuardStatus, Odometry, PlanView
 from mirte_drake.hardware.odometry_check import OdometryLimits, OdometryTrack, check
 from mirte_drake.model.prediction_model import PredictionModel
 from mirte_drake.model.roll_forward import roll_forward
@@ -70,14 +70,14 @@ class WireRobot(LeafSystem):
     reference (in)      vector (3,)   [m, m, rad]         r_k; open: the pose itself
     solve_status (in)   vector (1,)   -                   SolveStatus; open: solved
     plan (in)           Plan          -                   for onlookers; open: no plan_view
-    odometry (in)       Odometry      -                   last message, or None
-    guard_status (in)   GuardStatus   -                   last message, or None
+    odometry (in)       Odometry      -                   last message, or NOTHING
+    guard_status (in)   GuardStatus   -                   last message, or NOTHING
     clock (in)          vector (1,)   [s]                 time.monotonic(); open: Drake's time
     pose                vector (3,)   [m, m, rad]         now, frame of the path, yaw unwrapped
     body_velocity       vector (3,)   [m/s, m/s, rad/s]   measured
     odometry_age        vector (1,)   [s]                 of the measurement that ``pose`` is from
-    drive_command       DriveCommand  -                   to the guard; None before odometry came
-    plan_view           PlanView      -                   to onlookers, or None
+    drive_command       DriveCommand  -                   to the guard; NOTHING before odometry
+    plan_view           PlanView      -                   to onlookers, or NOTHING
     ==================  ============  ==================  =======================================
 
     Odometry is checked as the guard does. Where the first message says the robot is, is where the
@@ -113,7 +113,7 @@ class WireRobot(LeafSystem):
         super().__init__()
         self._model, self._start, self._period = model, np.array(start), period
         self._session, self._limits, self._rolls = session, limits, roll_forward
-        nothing = AbstractValue.Make(None)
+        nothing = AbstractValue.Make(NOTHING)
         self._command = self.DeclareVectorInputPort("wheel_command", len(WHEELS))
         self._reference = self.DeclareVectorInputPort("reference", POSE_SIZE)
         self._status = self.DeclareVectorInputPort("solve_status", 1)
@@ -166,12 +166,13 @@ class WireRobot(LeafSystem):
             return state  # Updated at this instant.
         sent = state.sent
         if np.isfinite(state.since):
-            status: GuardStatus | None = _eval_or(self._guard, context, None)
-            command = np.zeros(len(WHEELS)) if status is None else status.command
+            status: GuardStatus | tuple = _eval_or(self._guard, context, NOTHING)
+            still = np.zeros(len(WHEELS))
+            command = status.command if isinstance(status, GuardStatus) else still
             sent = (*sent, (state.since, command))[-HISTORY:]
         state = dc.replace(state, sent=sent, since=clock)
-        odometry: Odometry | None = _eval_or(self._odometry, context, None)
-        if odometry is None or odometry.arrival == state.arrival:
+        odometry: Odometry | tuple = _eval_or(self._odometry, context, NOTHING)
+        if not isinstance(odometry, Odometry) or odometry.arrival == state.arrival:
             return state
         track, _ = check(state.track, odometry, self._limits)
         frame = state.frame
@@ -212,7 +213,7 @@ class WireRobot(LeafSystem):
     def _calc_drive_command(self, context: Context, output: AbstractValue) -> None:
         state = self._get_now(context)
         if state.track is None or state.frame is None:
-            output.set_value(None)
+            output.set_value(NOTHING)
             return
         reference = _eval_or(self._reference, context, self._measured(state))
         status = SolveStatus(int(_eval_or(self._status, context, [SolveStatus.SOLVED])[0]))
@@ -228,9 +229,9 @@ class WireRobot(LeafSystem):
 
     def _calc_plan_view(self, context: Context, output: AbstractValue) -> None:
         frame = self._get_now(context).frame
-        plan: Plan | None = _eval_or(self._plan, context, None)
-        if frame is None or plan is None:
-            output.set_value(None)
+        plan: Plan | tuple = _eval_or(self._plan, context, NOTHING)
+        if frame is None or not isinstance(plan, Plan):
+            output.set_value(NOTHING)
             return
         view = PlanView(
             reference=to_odometry_frame(plan.data.reference, frame),

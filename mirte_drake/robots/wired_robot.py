@@ -43,10 +43,10 @@ def MakeWiredRobot(
         name: Of the Diagram.
         builder: Where adapter, listeners and speakers are.
         adapter: The adapter.
-        odometry: Gives Odometry or None.
-        guard_status: Gives GuardStatus or None.
-        drive_command: Sends a DriveCommand when told to publish; not None.
-        plan_view: Sends a PlanView; not None.
+        odometry: Gives Odometry or NOTHING.
+        guard_status: Gives GuardStatus or NOTHING.
+        drive_command: Sends a DriveCommand when told to publish; not NOTHING.
+        plan_view: Sends a PlanView; not NOTHING.
     """
     builder.Connect(odometry, adapter.GetInputPort("odometry"))
     builder.Connect(guard_status, adapter.GetInputPort("guard_status"))

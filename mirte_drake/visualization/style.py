@@ -14,7 +14,7 @@ from mirte_drake.files import replacing
 
 FORMATS = ("pdf", "svg", "png")
 
-_RC_PARAMS: dict[Any, Any] = {
+RC_PARAMS: dict[Any, Any] = {
     "font.family": "STIXGeneral",
     "font.size": 9,
     "mathtext.fontset": "stix",
@@ -30,6 +30,7 @@ _RC_PARAMS: dict[Any, Any] = {
 Line = Mapping[str, Any]  # Keyword arguments of ``Axes.plot``.
 
 ACTUAL: Line = {"color": "#b2182b", "lw": 1.3, "ls": "-"}
+TRUE: Line = {"color": "#1b7837", "lw": 1.2, "ls": (0, (2, 1))}
 NOMINAL: Line = {"color": "#2166ac", "lw": 1.1, "ls": "-."}
 REFERENCE: Line = {"color": "black", "lw": 1.0, "ls": (0, (5, 3))}
 MEASURED: Line = {"color": "black", "lw": 1.2, "ls": "-"}
@@ -50,6 +51,10 @@ SOLVERS: tuple[Line, ...] = (  # One for each solver that is compared.
     {"color": "#762a83", "lw": 1.1, "ls": (0, (3, 1, 1, 1, 1, 1)), "marker": "D", "ms": 3.5},
     {"color": "#1b7837", "lw": 1.1, "ls": (0, (10, 3)), "marker": "P", "ms": 4.5},
 )
+# One for each of several settings of which runs are compared.
+COMPARED: tuple[Line, ...] = tuple(
+    {key: line[key] for key in ("color", "lw", "ls")} for line in SOLVERS
+)
 
 
 def write_figures(figures: Mapping[str, Callable[[], Figure]], folder: Path) -> list[Path]:
@@ -66,7 +71,7 @@ def write_figures(figures: Mapping[str, Callable[[], Figure]], folder: Path) -> 
         UserError: when the folder cannot be written.
     """
     paths = []
-    with matplotlib.rc_context(_RC_PARAMS):
+    with matplotlib.rc_context(RC_PARAMS):
         for name, draw in figures.items():
             figure = draw()
             for suffix in FORMATS:

@@ -13,7 +13,7 @@ from mirte_drake.hardware.lcm_link import LcmLink
 from mirte_drake.hardware.lcm_messages import channel
 from mirte_drake.hardware.lcm_serializer import MessageSerializer
 from mirte_drake.hardware.link import Role
-from mirte_drake.hardware.messages import DriveCommand, Odometry
+from mirte_drake.hardware.messages import NOTHING, DriveCommand, Odometry
 from mirte_drake.hardware.wire_config import LcmWireConfig
 
 CONFIG = LcmWireConfig(url="memq://")
@@ -52,7 +52,7 @@ def robot():
 
 def test_odometry_on_a_port(robot):
     simulator = Simulator(make_diagram(robot.lcm))
-    assert odometry_after(simulator, 0.1) is None
+    assert odometry_after(simulator, 0.1) == NOTHING
     before = time.monotonic()
     robot.send(MESSAGES[Odometry])
     robot.lcm.HandleSubscriptions(0)
@@ -100,7 +100,7 @@ def test_contexts_are_independent(robot):
 def test_clone_carries_the_same_kind():
     serializer = MessageSerializer(DriveCommand).Clone()
     value = serializer.CreateDefaultValue()
-    assert value.get_value() is None
+    assert value.get_value() == NOTHING
     data = serializer.Serialize(AbstractValue.Make(MESSAGES[DriveCommand]))
     serializer.Deserialize(data, value)
     check_equal(value.get_value(), MESSAGES[DriveCommand], arrived_after=0.0)

@@ -4,7 +4,7 @@ from pydrake.systems.framework import DiagramBuilder
 from scripted_link import ScriptedLink
 from system_ports import port_table
 
-from mirte_drake.hardware.messages import Odometry
+from mirte_drake.hardware.messages import NOTHING, Odometry
 from mirte_drake.robots.link_systems import LinkSink, LinkSource
 
 MESSAGE = Odometry(5, np.arange(3.0), np.zeros(3))
@@ -21,10 +21,10 @@ def test_a_message_is_there_for_the_updates_of_the_next_instant():
     source = LinkSource(link, Odometry)
     simulator = Simulator(source)
     simulator.AdvanceTo(0.1)
-    assert source.get_output_port().Eval(simulator.get_context()) is None
+    assert source.get_output_port().Eval(simulator.get_context()) == NOTHING
     link.at(100.0, MESSAGE)
     link.wait(0.0)
-    assert source.get_output_port().Eval(simulator.get_context()) is None  # A state.
+    assert source.get_output_port().Eval(simulator.get_context()) == NOTHING  # A state.
     simulator.AdvanceTo(0.2)
     assert source.get_output_port().Eval(simulator.get_context()).stamp == 5
 
@@ -37,7 +37,7 @@ def test_nothing_is_sent_but_when_told():
     diagram = builder.Build()
     simulator = Simulator(diagram)
     context = simulator.get_mutable_context()
-    diagram.GetInputPort("message").FixValue(context, None)
+    diagram.GetInputPort("message").FixValue(context, NOTHING)
     simulator.AdvanceTo(0.3)
     diagram.ForcedPublish(context)
     assert link.sent == []

@@ -6,7 +6,7 @@ from pydrake.systems.analysis import Simulator
 from system_ports import feedthrough, port_table
 
 from mirte_drake.control.plan import SolveStatus
-from mirte_drake.hardware.messages import GuardStatus, Odometry
+from mirte_drake.hardware.messages import NOTHING, GuardStatus, Odometry
 from mirte_drake.hardware.odometry_check import OdometryLimits
 from mirte_drake.model.model_file import load_model
 from mirte_drake.robots.wire_robot import WireRobot
@@ -85,10 +85,10 @@ def test_ports():
 
 def test_before_any_odometry_nothing_is_asked_of_the_guard():
     drive = Drive(make_dut())
-    drive.to_sample(5.0, None)
+    drive.to_sample(5.0, NOTHING)
     np.testing.assert_array_equal(drive.get("pose"), START)
     np.testing.assert_array_equal(drive.get("body_velocity"), np.zeros(3))
-    assert drive.get("drive_command") is None and drive.get("plan_view") is None
+    assert drive.get("drive_command") == NOTHING and drive.get("plan_view") == NOTHING
 
 
 def test_the_path_begins_where_the_robot_is():

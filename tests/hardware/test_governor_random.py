@@ -1,0 +1,27 @@
+"""Random sequences of all that can happen to the governor: never an unsafe output."""
+
+import hypothesis
+import pytest
+from governor_world import run
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+SEQUENCES = st.binary(min_size=20, max_size=100)
+
+
+@settings(deadline=None)
+@given(SEQUENCES)
+def test_no_sequence_leads_to_an_unsafe_output(sequence):
+    run(sequence)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(10))
+def test_none_of_a_hundred_thousand_sequences_leads_to_an_unsafe_output(seed):
+    quiet = settings(
+        max_examples=10_000,
+        deadline=None,
+        database=None,
+        suppress_health_check=list(HealthCheck),
+    )
+    hypothesis.seed(seed)(quiet(given(SEQUENCES)(lambda sequence: run(sequence) and None)))()
