@@ -33,6 +33,7 @@ SHORTER = {
 # At the wire a second takes a second.
 SHORTER_AT_THE_WIRE = {"drive": "--set duration=1 --no-plots", "collect": "--duration 2"}
 ONLY_SHOWS = ("--help", "--version")
+MAY_COMPLAIN = ("doctor",)  # Of the machine that it runs on.
 
 
 @dc.dataclass(frozen=True)
@@ -129,5 +130,6 @@ class Reader:
         try:
             main([name, *arguments])
         except SystemExit as end:
-            if end.code or not {name, *arguments} & set(ONLY_SHOWS):
+            shows = {name, *arguments} & set(ONLY_SHOWS)
+            if name not in MAY_COMPLAIN and (end.code or not shows):
                 raise AssertionError(f"{command} ended with {end.code}") from None

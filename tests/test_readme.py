@@ -99,7 +99,7 @@ def test_the_comparison_is_what_the_command_gives(scenario):
                 assert number == value
 
 
-def test_every_block_runs(tmp_path, monkeypatch):
+def test_every_block_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     excitation = ExcitationConfig(duration=20.0, random_duration=10.0)
     run = synthetic_recording(config=SyntheticRecordingConfig(excitation))

@@ -31,11 +31,10 @@ MODULES = {  # Folder: heading.
     "robots": "Parts of robots",
     "hardware": "The wire and what guards it",
     "run": "Scenarios and runs",
-    "visualization": "Pictures",
-    "benchmark": "Benchmarks",
+    "visualization": "Pictures and reports",
 }
+BASE = ("angles", "checks", "compiled", "errors", "files", "frames", "geometry", "typed_yaml")
 NOT_FOR_READERS = {"cli", "diagrams", "mirte_lcm"}  # The command line has a page of its own.
-RUNS = ("scenario", "assembly", "run", "collect", "comparison", "drive", "stand_in", "pacing")
 
 
 @dc.dataclass(frozen=True)
@@ -96,7 +95,7 @@ def modules() -> list[Module]:
         parts = path.relative_to(PACKAGE).with_suffix("").parts
         if parts[-1].startswith("__") or not NOT_FOR_READERS.isdisjoint(parts):
             continue
-        folder = parts[0] if len(parts) > 1 else "run" if parts[0] in RUNS else "base"
+        folder = parts[0] if len(parts) > 1 else "base" if parts[0] in BASE else "run"
         module = Module(".".join(parts), folder, ast.parse(path.read_text()))
         if module.members:
             found.append(module)
@@ -169,7 +168,8 @@ def other_pages(members: list[Module]) -> dict[str, str]:
     """Returns the pages about modules without a system by name, with one for each folder."""
     pages = {module.page: module_page(module) for module in members}
     index = [*headed("Modules"), MODULES_TEXT, "", ".. toctree::", "   :maxdepth: 1", ""]
-    for folder, heading in MODULES.items():
+    for folder in dict.fromkeys([*MODULES, *(module.folder for module in members)]):
+        heading = MODULES.get(folder, folder.capitalize())
         inside = [module for module in members if module.folder == folder]
         if inside:
             pages[f"{folder}-modules"] = contents_page(heading, "", {"": inside})
