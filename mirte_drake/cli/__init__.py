@@ -16,10 +16,12 @@ from mirte_drake.cli import (  # noqa: F401 They add their commands.
     faults,
     figures,
     identification,
+    replay,
     report,
     robot_export,
     robot_fit,
     simulation,
+    watch,
     wire,
 )
 from mirte_drake.cli.options import commands

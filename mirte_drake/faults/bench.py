@@ -57,6 +57,7 @@ class Bench:
         rng: np.random.Generator,
         *,
         own_guard: bool,
+        deafens: bool,
     ) -> None:
         """Puts all of them on the wire.
 
@@ -69,6 +70,7 @@ class Bench:
             rng: Draws what a fault leaves open.
             own_guard: Whether the controller starts the guard, as `mirte-drake drive` does; else
                 one runs already, as with `drive --running-guard`.
+            deafens: Whether the latter can be made deaf.
         """
         wire = wired_robot(scenario).wire
         self.record = Record()
@@ -84,7 +86,9 @@ class Bench:
         self._told, told = context.Pipe(duplex=False)
         self._guard = None
         if not own_guard:
-            self._guard = context.Process(target=guard_process, args=(scenario, self.orders))
+            self._guard = context.Process(
+                target=guard_process, args=(scenario, deafens, self.orders)
+            )
             self._guard.start()
         self._controller = context.Process(
             target=controller_process, args=(scenario, own_guard, sabotage, self.orders, told)

@@ -19,7 +19,8 @@ from mirte_drake import drive as driving
 from mirte_drake.control.nmpc_solver import make_nmpc_solver
 from mirte_drake.faults.deaf_link import DeafLink
 from mirte_drake.faults.sabotage import Orders, Sabotage, Saboteur
-from mirte_drake.hardware.guard import become_urgent, run_guard
+from mirte_drake.hardware.guard import run_guard
+from mirte_drake.hardware.guard_process import GuardSetup, serve
 from mirte_drake.hardware.link import Role
 from mirte_drake.hardware.wire_config import open_link
 from mirte_drake.scenario import Scenario, wired_robot
@@ -37,11 +38,14 @@ def fork_server() -> ForkServerContext:
     return context
 
 
-def guard_process(scenario: Scenario, orders: Orders) -> None:
-    """Runs a guard, as `mirte-drake guard` does; it hears no controller once that is ordered."""
+def guard_process(scenario: Scenario, deafens: bool, orders: Orders) -> None:
+    """Runs a guard, as `mirte-drake guard` does; one that ``deafens`` as soon as it is ordered."""
     _begin()
     robot = wired_robot(scenario)
-    become_urgent()
+    if not deafens:
+        serve(GuardSetup(robot.wire, robot.governor, scenario.first_pose))
+        return
+    be_punctual(True)
     with open_link(robot.wire, Role.GUARD) as link:
         run_guard(DeafLink(link, orders), robot.governor, scenario.first_pose)
 

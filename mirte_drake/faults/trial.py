@@ -53,10 +53,15 @@ def run_trial(trial: Trial) -> Outcome:
     # A fault is the same in each trial of a kind and seed, whatever else runs.
     rng = np.random.default_rng([trial.seed, trial.run, zlib.crc32(kind.name.encode())])
     scenario, robot = scenarios(trial, kind)
-    own_guard = trial.own_guard and not kind.deafens
     try:
         with Bench(
-            scenario, robot, kind.sabotage, kind.strangers, rng, own_guard=own_guard
+            scenario,
+            robot,
+            kind.sabotage,
+            kind.strangers,
+            rng,
+            own_guard=trial.own_guard and not kind.deafens,
+            deafens=kind.deafens,
         ) as bench:
             record = observe(bench, kind, rng)
     except Exception as error:  # Of whatever kind: the campaign goes on.

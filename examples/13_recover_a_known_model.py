@@ -2,6 +2,12 @@
 
 Each recording is made by algorithm 1 on the published extended kinematic model. The error falls
 as noise falls and recordings grow, down to what the differentiation itself smooths away.
+
+Prints:
+
+      60 s: error 0.297 0.185 0.079 0.034; support found in 0% 0% 100% 100%
+     120 s: error 0.255 0.115 0.052 0.021; support found in 33% 67% 67% 100%
+     240 s: error 0.190 0.087 0.047 0.020; support found in 33% 67% 100% 100%
 """
 
 import dataclasses as dc

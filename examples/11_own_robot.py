@@ -1,6 +1,10 @@
 """Puts the tube controller around a robot of one's own: here, one whose motors lag.
 
 Anything with a wheel command going in and a pose coming out will do.
+
+Prints:
+
+    position error: mean 0.0138 m, largest 0.0213 m
 """
 
 import numpy as np

@@ -2,6 +2,19 @@
 
 The robot's rollers slip, its wheels differ, its motors lag and its odometry counts ticks; the
 controller knows of that only what the recording says. Each stage prints its numbers.
+
+Prints:
+
+    recorded: 2 x 1201 samples, 120 s
+    identified model, second drive: velocity RMSE 0.076 0.076 0.315
+    published model, second drive: velocity RMSE 0.082 0.141 0.476
+    disturbance bound: 0.146 0.142 0.619 m/s, m/s, rad/s, holds in 95% of held-out samples
+    rectangle, identified model: rmse x 0.0049 m, y 0.0024 m, yaw 0.0025 rad
+    rectangle, identified model: true_rmse x 0.0048 m, y 0.0044 m, yaw 0.0023 rad
+    rectangle, identified model: outside the tube in 0 of 250 samples
+    rectangle, published model: rmse x 0.0035 m, y 0.0113 m, yaw 0.0049 rad
+    rectangle, published model: true_rmse x 0.0046 m, y 0.0108 m, yaw 0.0050 rad
+    rectangle, published model: outside the tube in 2 of 250 samples
 """
 
 import sys

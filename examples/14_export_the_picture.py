@@ -1,4 +1,14 @@
-"""Draws the Diagram of a scenario and, for comparison, the controller alone."""
+"""Draws the Diagram of a scenario and, for comparison, the controller alone.
+
+Prints:
+
+    runs/pictures/rectangle.svg
+    runs/pictures/rectangle.png
+    runs/pictures/rectangle.dot
+    runs/pictures/controller.svg
+    runs/pictures/controller.png
+    runs/pictures/controller.dot
+"""
 
 import sys
 from pathlib import Path
