@@ -62,6 +62,7 @@ def robot(
     """
     import time
 
+    from mirte_drake.drive import few_pauses
     from mirte_drake.hardware.link import Role
     from mirte_drake.hardware.wire_config import open_link
     from mirte_drake.pacing import WireStopped, interruption
@@ -75,7 +76,7 @@ def robot(
         warn_of_exposure(link)
         click.echo(f"{type(scenario.robot).__name__} is on the wire; Ctrl-C ends it", err=True)
         end = time.monotonic() + (np.inf if duration is None else duration)
-        with suppress(WireStopped):
+        with suppress(WireStopped), few_pauses():
             while time.monotonic() < end:
                 stand_in.step()
                 watch()

@@ -102,12 +102,14 @@ class Bench:
 
     def run(self, until: float) -> None:
         """Lets the robot run, and looks on, until a time [s]."""
-        while time.monotonic() < until:
+        while (begun := time.monotonic()) < until:
             self._stand_in.step()
             for link in (self._operator, *self._strangers):
                 link.wait(0.0)
             self.record.statuses += self._operator.take(GuardStatus)
             self._watch_processes()
+            if np.isfinite(self.record.start):
+                self.record.pause = max(self.record.pause, time.monotonic() - begun)
 
     def restart_robot(self) -> None:
         """Puts the robot at its start, wheels at rest, with sound odometry."""

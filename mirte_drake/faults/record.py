@@ -34,6 +34,7 @@ class Record:
     ended: str | None = None  # What the drive ended with; None: it goes on, or it died.
     controller_alive: bool = True  # At the end of the observation; stopped processes are.
     guard_alive: bool = True
+    pause: float = 0.0  # [s] Longest between two looks of who records this, from start to end.
     # [s] Longest that each process was ready to run and got no processor, within one look.
     starved: dict[str, float] = dc.field(default_factory=dict)
 
@@ -43,7 +44,7 @@ class Record:
 
     def timeline(self) -> list[str]:
         """Returns what happened, one line each, times [s] after the fault or the start."""
-        zero = self.fault if np.isfinite(self.fault) else self.start
+        zero = next(filter(np.isfinite, (self.fault, self.start, self.end)))
         events = [(sent.sent, _odometry_text(sent)) for sent in self.odometry]
         events += [(c.arrival, f"wheel command {c.command.tolist()}") for c in self.commands]
         events += [(f.arrival, f"foreign command {f.command.tolist()}") for f in self.foreign]
@@ -51,7 +52,7 @@ class Record:
         events += [(s.arrival, f"guard status {s.sequence} {s.reason}") for s in self.statuses]
         events += [(self.start, "the drive begins"), (self.fault, "the fault begins")]
         events += [(self.end, f"end; the drive ended: {self.ended}; starved: {self.starved}")]
-        return [f"{when - zero:8.3f}  {text}" for when, text in sorted(events)]
+        return [f"{when - zero:8.3f}  {text}" for when, text in sorted(events) if when < np.inf]
 
 
 def _odometry_text(sent: SentOdometry) -> str:
