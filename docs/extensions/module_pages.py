@@ -198,7 +198,7 @@ Every part is a Drake system with named ports, a config, and a function that add
 are wired in the rectangle study:
 
 .. image:: ../../../diagrams/rectangle.svg
-   :class: on-white
+   :target: ../../_images/rectangle.svg
    :alt: The Diagram of the rectangle study"""
 
 MODULES_TEXT = """\
