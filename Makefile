@@ -11,7 +11,7 @@ demo: $(VENV)/installed
 	$(BIN)/mirte-drake simulate rectangle
 
 test: $(VENV)/installed
-	$(BIN)/python -m pytest -m "not slow"
+	$(BIN)/python -m pytest -n auto -m "not slow"
 
 test-slow: $(VENV)/installed
 	$(BIN)/python -m pytest -m slow

@@ -2,8 +2,9 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Protocol
 
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import ZeroOrderHold
 
 from mirte_drake.errors import UserError
@@ -175,7 +176,32 @@ def AddController(builder: DiagramBuilder, scenario: Scenario) -> Diagram:
     return builder.AddNamedSystem("controller", MakeController(scenario))
 
 
-def MakeDiagram(scenario: Scenario, link: Link | None = None, session: int = 0) -> Diagram:
+class View(Protocol):
+    """What makes a Diagram one to watch; it adds systems, and connects them to the Diagram's."""
+
+    def add_disturbance_controls(
+        self, builder: DiagramBuilder, disturbance: OutputPort
+    ) -> OutputPort:
+        """Adds controls of the disturbance (3,), and returns what it is with them."""
+
+    def add_scene(
+        self,
+        builder: DiagramBuilder,
+        controller: Diagram,
+        reference: LeafSystem,
+        robot: RobotPorts,
+        disturbance: OutputPort | None,
+    ) -> None:
+        """Adds what shows the Diagram."""
+
+
+def MakeDiagram(
+    scenario: Scenario,
+    link: Link | None = None,
+    session: int = 0,
+    *,
+    view: View | None = None,
+) -> Diagram:
     """Wires reference, controller, disturbance and robot of a scenario.
 
     .. pydrake_system::
@@ -206,10 +232,16 @@ def MakeDiagram(scenario: Scenario, link: Link | None = None, session: int = 0) 
     may stay open. The controller's further outputs (``half_width``, ``designs``,
     ``solve_status``) are exported too where it has them.
 
+    Args:
+        scenario: The scenario.
+        view: Shows the Diagram while it runs, and lets others disturb it; None: there is nothing
+            of that in the Diagram.
+
     Raises:
         ValueError: when the scenario is out of range; UserError is one.
     """
     builder = DiagramBuilder()
+    disturbance = None
     controller = AddController(builder, scenario)
     reference = AddReference(builder, scenario)
     robot = AddRobot(builder, scenario, link, session)
@@ -220,8 +252,11 @@ def MakeDiagram(scenario: Scenario, link: Link | None = None, session: int = 0) 
     builder.Connect(robot.pose, controller.GetInputPort("pose"))
     if robot.disturbance is not None:
         source = _add_disturbance(builder, scenario)
-        builder.Connect(source.GetOutputPort("disturbance"), robot.disturbance)
-        builder.ExportOutput(source.GetOutputPort("disturbance"), "disturbance")
+        disturbance = source.GetOutputPort("disturbance")
+        if view is not None:
+            disturbance = view.add_disturbance_controls(builder, disturbance)
+        builder.Connect(disturbance, robot.disturbance)
+        builder.ExportOutput(disturbance, "disturbance")
     if reference.HasInputPort("velocity_setpoint"):
         builder.ExportInput(reference.GetInputPort("velocity_setpoint"), "velocity_setpoint")
     builder.ExportOutput(reference.GetOutputPort("reference"), "reference")
@@ -237,6 +272,8 @@ def MakeDiagram(scenario: Scenario, link: Link | None = None, session: int = 0) 
     for index in range(controller.num_output_ports()):
         port = controller.get_output_port(index)
         builder.ExportOutput(port, port.get_name())
+    if view is not None:
+        view.add_scene(builder, controller, reference, robot, disturbance)
     diagram = builder.Build()
     diagram.set_name("mirte_drake")
     return diagram

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram
 
 from mirte_drake.assembly import AddRobot, MakeDiagram
@@ -80,9 +81,20 @@ def drive(
         ValueError: when the scenario cannot be built; UserError is one.
     """
     diagram = MakeDiagram(scenario, link, session)
+    _warm_up(diagram, scenario)
     with interruption() as watch, few_pauses():
         pace = _pace(diagram, scenario, link, watch, recorder, clock)
         return run_diagram(diagram, scenario, name, on_sample, pace)
+
+
+def _warm_up(diagram: Diagram, scenario: Scenario) -> None:
+    """Goes through a sample in a Context of its own, sending nothing.
+
+    Compiled code is loaded when it is first called, which takes longer than odometry may be old.
+    """
+    simulator = Simulator(diagram)
+    diagram.GetInputPort("clock").FixValue(simulator.get_mutable_context(), [0.0])
+    simulator.AdvanceTo(1.5 * scenario.period)
 
 
 def collect_over_wire(

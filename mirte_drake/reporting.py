@@ -12,7 +12,7 @@ from mirte_drake.comparison import oscillation, saturation
 from mirte_drake.errors import UserError
 from mirte_drake.files import read_text
 from mirte_drake.robots.names import robot_name
-from mirte_drake.run import RUN_FILES
+from mirte_drake.run import REPLAY_FILE, RUN_FILES
 from mirte_drake.scenario import Scenario, load_scenario
 from mirte_drake.visualization.comparison_report import comparison_report
 from mirte_drake.visualization.diagram_picture import diagram_svg
@@ -20,7 +20,6 @@ from mirte_drake.visualization.page import save_page
 from mirte_drake.visualization.run_report import ReportedRun, run_report
 
 REPORT_FILE = "report.html"
-REPLAY_FILE = "replay.html"
 
 
 def load_run(folder: Path) -> ReportedRun:
@@ -52,7 +51,7 @@ def load_run(folder: Path) -> ReportedRun:
         summary=summary,
         log=arrays,
         saturation=saturation(arrays["applied_input"], scenario.input_limit),
-        oscillation=oscillation(arrays["applied_input"], arrays["time"][-1]),
+        oscillation=oscillation(arrays["applied_input"], max(arrays["time"][-1], scenario.period)),
     )
 
 

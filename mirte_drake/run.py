@@ -16,10 +16,9 @@ from mirte_drake.angles import pose_error
 from mirte_drake.assembly import MakeDiagram
 from mirte_drake.control.dlqr import DlqrDesign
 from mirte_drake.control.plan import Plan, SolveStatus
-from mirte_drake.errors import UserError
 from mirte_drake.files import replacing, write_json
 from mirte_drake.pacing import Pace, WireStopped
-from mirte_drake.scenario import Scenario, WiredRobotConfig
+from mirte_drake.scenario import Scenario, check_simulated
 from mirte_drake.systems.nominal_nmpc import NominalNmpc
 from mirte_drake.typed_yaml import write_typed
 from mirte_drake.vectors import POSE, POSE_SIZE
@@ -27,6 +26,7 @@ from mirte_drake.vectors import POSE, POSE_SIZE
 ROUNDING = 1e-9  # [m, rad, pwm] Where the controller meets a bound exactly.
 
 RUN_FILES = ("log.npz", "summary.json", "as_run.scenario.yaml")
+REPLAY_FILE = "replay.html"  # What ``replay`` makes of them.
 
 
 @dc.dataclass(frozen=True)
@@ -53,8 +53,7 @@ def simulate(scenario: Scenario, name: str, on_sample: Callable[[], object] = la
         UserError: when its robot is beyond a wire.
         ValueError: when the scenario cannot be built; UserError is one.
     """
-    if isinstance(scenario.robot, WiredRobotConfig):
-        raise UserError("robot: is beyond a wire: `mirte-drake drive` runs it, not `simulate`")
+    check_simulated(scenario)
     return run_diagram(MakeDiagram(scenario), scenario, name, on_sample)
 
 

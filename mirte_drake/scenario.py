@@ -156,6 +156,12 @@ def load_prediction_model(scenario: Scenario) -> SparseModel:
     return model
 
 
+def check_simulated(scenario: Scenario) -> None:
+    """Raises UserError when the robot of a scenario is beyond a wire."""
+    if isinstance(scenario.robot, WiredRobotConfig):
+        raise UserError("robot: is beyond a wire: `mirte-drake drive` runs it")
+
+
 def wired_robot(scenario: Scenario) -> WiredRobotConfig:
     """Returns the robot of a scenario, which must be beyond a wire.
 

@@ -47,7 +47,8 @@ class Browser:
 
     Attributes:
         errors: What the page complained about: console errors, exceptions, failed requests.
-        requests: Addresses that it asked for, the page's own first.
+        requests: Addresses that it asked for, the page's own first; those of data within the page
+            are left out.
     """
 
     def __init__(self, width: int = 1280, height: int = 720, dark: bool = False) -> None:
@@ -202,7 +203,8 @@ class Browser:
             case "Page.loadEventFired":
                 self._loaded = True
             case "Network.requestWillBeSent":
-                self.requests.append(event["request"]["url"])
+                if not event["request"]["url"].startswith(("data:", "blob:")):
+                    self.requests.append(event["request"]["url"])
             case "Runtime.exceptionThrown":
                 self.errors.append(_exception(event["exceptionDetails"]))
             case "Runtime.consoleAPICalled" if event["type"] in ("error", "assert"):

@@ -14,6 +14,9 @@ from mirte_drake.identification.csv_file import load_csv
 from mirte_drake.run import simulate, summarise
 from mirte_drake.scenario import load_scenario
 
+# One after the other: they run in real time, in several processes each.
+pytestmark = pytest.mark.xdist_group("wire")
+
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
@@ -35,7 +38,7 @@ from mirte_drake.scenario import load_scenario
             ["robot.governor.slew_limit", "0"],
         ),
         (["robot", "--transport", "lcm", "--wire", "url=nonsense"], ["url", "nonsense"]),
-        (["simulate", "rectangle", "--set", "robot=!LcmRobotConfig {}"], ["drive", "simulate"]),
+        (["simulate", "rectangle", "--set", "robot=!LcmRobotConfig {}"], ["drive", "wire"]),
     ],
 )
 def test_wrong_use(tmp_path, monkeypatch, capsys, arguments, words):

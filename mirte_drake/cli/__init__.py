@@ -15,10 +15,12 @@ from mirte_drake.cli import (  # noqa: F401 They add their commands.
     doctor,
     figures,
     identification,
+    replay,
     report,
     robot_export,
     robot_fit,
     simulation,
+    watch,
     wire,
 )
 from mirte_drake.cli.options import commands

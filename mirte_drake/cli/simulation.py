@@ -32,6 +32,7 @@ def scenarios() -> None:
 @robot_option
 @set_option
 @click.option("--no-plots", is_flag=True, help="Leaves figures and report out.")
+@click.option("--replay", is_flag=True, help="Makes a page that plays the run in 3-D, too.")
 @output_option
 def simulate(
     name: str,
@@ -39,6 +40,7 @@ def simulate(
     robot: tuple[str, ...],
     overrides: tuple[str, ...],
     no_plots: bool,
+    replay: bool,
     output: Path | None,
 ) -> None:
     """Runs the scenario NAME, or the one in a YAML file, and writes what came out.
@@ -48,7 +50,7 @@ def simulate(
     """
     from mirte_drake.files import replacing_results
     from mirte_drake.reporting import REPORT_FILE, save_report
-    from mirte_drake.run import RUN_FILES, save_run
+    from mirte_drake.run import REPLAY_FILE, RUN_FILES, save_run
     from mirte_drake.run import simulate as run_scenario
     from mirte_drake.scenario import load_scenario, scenario_stem
     from mirte_drake.visualization.figures import FIGURE_FILES, save_figures
@@ -58,13 +60,19 @@ def simulate(
     scenario = load_scenario(name, (*robot, *overrides))
     stem = scenario_stem(name)
     folder = output or Path("runs") / stem
-    with replacing_results(folder, (*RUN_FILES, *FIGURE_FILES, REPORT_FILE)) as results:
+    owned = (*RUN_FILES, *FIGURE_FILES, REPLAY_FILE, REPORT_FILE)
+    with replacing_results(folder, owned) as results:
         with click.progressbar(length=scenario.steps, label=stem, file=sys.stderr) as bar:
             run = run_scenario(scenario, stem, on_sample=lambda: bar.update(1))
         summary = save_run(run, results)
         if not no_plots:
             save_figures(run.log, results, input_limit=scenario.input_limit)
-            save_report(results)
+        if replay:
+            from mirte_drake.replay import write_replay
+
+            write_replay(results, results / REPLAY_FILE)
+        if not no_plots:
+            save_report(results)  # Has the replay in it.
     click.echo(summary_table(summary, tube=scenario.tube_updater is not None))
     click.echo(f"Written to {folder}")
 

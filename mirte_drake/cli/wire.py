@@ -218,16 +218,15 @@ def guard(
     It alone sends wheel commands, and stops the robot when the controller or the network is gone.
     Limits are those of the scenario NAME, `robot.governor`. Ends with Ctrl-C, wheels at rest.
     """
-    from mirte_drake.hardware.guard import run_guard
-    from mirte_drake.hardware.link import Role
-    from mirte_drake.hardware.wire_config import open_link
+    from mirte_drake.hardware.guard_process import GuardSetup, serve
     from mirte_drake.scenario import load_scenario, wired_robot
 
     scenario = load_scenario(name, (*transport, *overrides, *wire))
     wired = wired_robot(scenario)
-    with open_link(wired.wire, Role.GUARD) as link:
-        warn_of_exposure(link)
-        run_guard(link, wired.governor, scenario.first_pose)
+    serve(
+        GuardSetup(wired.wire, wired.governor, scenario.first_pose),
+        on_ready=lambda: click.echo("the guard is on the wire; Ctrl-C ends it", err=True),
+    )
 
 
 @commands.command()

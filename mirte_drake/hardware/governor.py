@@ -199,7 +199,6 @@ class Governor:
             session=command.session,
             frame=path_frame(self._track.last.pose, self._start),
             sequence=command.sequence - 1,
-            heartbeat=now,
             output_at=now,
         )
 

@@ -15,6 +15,7 @@ class RobotPorts:
     # (3,) [m, m, rad] where the robot really is; None where nobody can know.
     true_pose: OutputPort | None = None
     disturbance: InputPort | None = None  # (3,) [m/s, m/s, rad/s], body frame; simulated only.
+    wheel_angles: OutputPort | None = None  # (4,) [rad] what turns; None: a robot without wheels.
     wire: "WirePorts | None" = None  # Of a robot at the other end of a wire.
 
 

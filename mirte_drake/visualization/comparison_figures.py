@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from mirte_drake.angles import pose_error
 from mirte_drake.errors import UserError
 from mirte_drake.vectors import WHEELS
-from mirte_drake.visualization.style import COMPARED, REFERENCE, Line
+from mirte_drake.visualization.style import COMPARED, REFERENCE, Line, path_size, set_time_axis
 
 Log = Mapping[str, np.ndarray]
 Settings = Mapping[str, Sequence[Log]]  # Logs of the runs of each setting, by its label.
@@ -27,7 +27,8 @@ _ENTRIES = (("x", "m"), ("y", "m"), (r"\theta", "rad"))
 
 def paths_figure(settings: Settings) -> Figure:
     """Draws the measured paths over the reference, which all runs share."""
-    figure = Figure(figsize=(5.2, 4.6), layout="compressed")
+    shown = np.concatenate([log["pose"] for logs in settings.values() for log in logs])
+    figure = Figure(figsize=path_size(shown[:, :2]), layout="compressed")
     axes = figure.subplots()
     for label, logs, line in _lines(settings):
         for log in logs:
@@ -112,9 +113,8 @@ def _styled(settings: Mapping[str, T]) -> list[tuple[str, T, Line]]:
 
 
 def _over_time(figure: Figure, panels: Sequence[Axes], settings: Settings) -> None:
-    panels[-1].set_xlabel("time [s]")
-    end = max(log["time"][-1] for logs in settings.values() for log in logs)
-    panels[-1].set_xlim(0.0, end)
+    times = [log["time"] for logs in settings.values() for log in logs]
+    set_time_axis(panels[-1], max(times, key=len))
     figure.align_ylabels()
     _legend(figure, panels[0])
 

@@ -44,8 +44,9 @@ def _true_rmse(run: ReportedRun, key: str) -> float | None:
 
 
 def _inside(run: ReportedRun) -> float | None:
-    samples = run.summary["steps"] - 1
-    return 100 * (1 - run.summary["successor_violations"] / samples) if run.tube else None
+    if not run.tube:
+        return None
+    return 100 * (1 - run.summary["successor_violations"] / run.successors)
 
 
 def _solve_time(run: ReportedRun, key: str) -> float:

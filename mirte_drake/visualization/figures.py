@@ -19,6 +19,8 @@ from mirte_drake.visualization.style import (
     NOMINAL,
     REFERENCE,
     TRUE,
+    path_size,
+    set_time_axis,
     write_figures,
 )
 
@@ -32,7 +34,8 @@ _SYMBOLS, _UNITS = ("x", "y", r"\theta"), ("m", "m", "rad")  # Of a pose.
 
 def path_figure(log: Log) -> Figure:
     """Draws reference, nominal and actual path, and the tube box of every sample."""
-    figure = Figure(figsize=(5.2, 4.4), layout="compressed")
+    shown = np.concatenate([log["reference"], log["pose"], log.get("true_pose", log["pose"])])
+    figure = Figure(figsize=path_size(shown[:, :2]), layout="compressed")
     axes = figure.subplots()
     center, half = log["nominal_pose"][:, :2], log["half_width"][:, :2]
     if np.any(half > 0):
@@ -82,8 +85,7 @@ def error_figure(log: Log) -> Figure:
     if true_pose is not None:
         handles = panels[0].get_legend_handles_labels()
         figure.legend(*handles, loc="outside upper center", ncols=2)
-    panels[-1].set_xlabel("time [s]")
-    panels[-1].set_xlim(log["time"][0], log["time"][-1])
+    set_time_axis(panels[-1], log["time"])
     figure.align_ylabels()
     return figure
 
@@ -106,8 +108,7 @@ def input_figure(log: Log, input_limit: float) -> Figure:
         axes.set_ylim(-1.12 * input_limit, 1.12 * input_limit)
         axes.set_ylabel(f"$u_{wheel + 1}$ [%]")
         axes.set_title(WHEELS[wheel].replace("_", " "), loc="right", fontsize=9)
-    panels[-1].set_xlabel("time [s]")
-    panels[-1].set_xlim(time[0], time[-1])
+    set_time_axis(panels[-1], time)
     figure.align_ylabels()
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     return figure

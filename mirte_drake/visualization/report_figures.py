@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from mirte_drake.angles import pose_error
-from mirte_drake.visualization.style import ACTUAL
+from mirte_drake.visualization.style import ACTUAL, set_time_axis
 
 Log = Mapping[str, np.ndarray]
 
@@ -32,8 +32,7 @@ def tube_figure(log: Log) -> Figure:
         axes.plot(time[there], error[there, entry], label="outside", **_OUTSIDE)
         axes.set_ylabel(rf"${symbol}-\bar{{{symbol}}}$ [{unit}]")
         axes.set_title(f"outside {there.sum()} of {len(time)}", loc="right", fontsize=9)
-    panels[-1].set_xlabel("time [s]")
-    panels[-1].set_xlim(log["time"][0], log["time"][-1])
+    set_time_axis(panels[-1], log["time"])
     figure.align_ylabels()
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
     return figure
@@ -50,8 +49,8 @@ def solve_time_figure(log: Log, period: float) -> Figure:
         label = "median" if share == 50 else f"{share} %"
         axes.axhline(value, color="black", lw=0.9, ls=style, label=f"{label}: {value:.2g} ms")
     axes.axhline(1e3 * period, color="black", lw=1.2, ls=":", label=f"period: {1e3 * period:g} ms")
-    axes.set(yscale="log", xlabel="time [s]", ylabel="solve time [ms]")
-    axes.set_xlim(log["time"][0], log["time"][-1])
+    axes.set(yscale="log", ylabel="solve time [ms]")
+    set_time_axis(axes, log["time"])
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     figure.legend(loc="outside upper center", ncols=4)
     return figure

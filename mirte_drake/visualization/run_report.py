@@ -15,6 +15,13 @@ NBSP = "\u00a0"  # Between a number and its unit.
 # [m, m, rad] of a summary's RMSE, and how reports print them.
 POSE_KEYS, POSE_UNITS = ("x_m", "y_m", "yaw_rad"), ("mm", "mm", "mrad")
 
+_WIRE = {  # What numbers of a wire mean.
+    "ended": "why, where it was before its time",
+    "command_latency": "from odometry to its command: median, 99 %, longest",
+    "odometry_age": "when a command was computed from it: median, 99 %, longest",
+    "missed_odometry": "samples to which none came in time",
+}
+
 
 @dc.dataclass(frozen=True)
 class ReportedRun:
@@ -36,6 +43,11 @@ class ReportedRun:
     def controller(self) -> str:
         """The controller in two words."""
         return "tube NMPC" if self.tube else "baseline NMPC"
+
+    @property
+    def successors(self) -> int:
+        """Number of samples that have one before them, at least 1 to divide by."""
+        return max(self.summary["steps"] - 1, 1)
 
     @property
     def odometry(self) -> bool:
@@ -64,6 +76,7 @@ def run_report(run: ReportedRun, *, diagram: str, no_diagram: str = "", replay: 
         setting=f"{run.controller[0].upper()}{run.controller[1:]} on the {run.robot} robot, solver "
         f"{run.summary['solver']}; {steps} samples in {time:.1f} s, seed {run.summary['seed']}.",
         ended=run.summary.get("wire", {}).get("ended", ""),
+        command="drive" if "wire" in run.summary else "simulate",
         headline=_headline(run),
         figures=_figures(page, run),
         diagram=picture,
@@ -81,12 +94,13 @@ def rmse_texts(rmse: Mapping[str, float]) -> list[str]:
 
 
 def _headline(run: ReportedRun) -> list[dict[str, str]]:
-    summary, samples = run.summary, run.summary["steps"] - 1
+    summary, samples = run.summary, run.successors
     true = rmse_texts(summary["true_rmse"]) if run.odometry else None
     items = []
     measured = zip(("x", "y", "yaw"), rmse_texts(summary["rmse"]), POSE_UNITS, strict=True)
     for entry, (label, value, unit) in enumerate(measured):
-        note = f"measured; truly {true[entry]}{NBSP}{unit}" if true else "against the reference"
+        note = "against the reference" if run.summary["true_rmse"] else "measured by odometry"
+        note = f"measured; truly {true[entry]}{NBSP}{unit}" if true else note
         items.append(_item(f"RMSE {label}", f"{value}{NBSP}{unit}", note))
     outside = summary["successor_violations"]
     if run.tube:
@@ -167,8 +181,9 @@ def _numbers(run: ReportedRun) -> list[dict[str, str]]:
             ),
         ]
     for key, value in summary.get("wire", {}).items():
+        label = key.removesuffix("_ms")
         text = _times(value) if isinstance(value, Mapping) else value
-        rows.append((key.removesuffix("_ms").replace("_", " "), text or "-", "on the wire"))
+        rows.append((label.replace("_", " "), text or "-", _WIRE.get(label, "on the wire")))
     rows.append(("wall time", f"{summary['wall_time_s']:.1f} s", "of the run, without its figures"))
     return [
         {"label": label, "value": str(value), "meaning": meaning} for label, value, meaning in rows

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mirte_drake.files import replacing
@@ -55,6 +57,19 @@ SOLVERS: tuple[Line, ...] = (  # One for each solver that is compared.
 COMPARED: tuple[Line, ...] = tuple(
     {key: line[key] for key in ("color", "lw", "ls")} for line in SOLVERS
 )
+
+
+def path_size(path: np.ndarray) -> tuple[float, float]:
+    """Returns a figure's size [inches] for a path (N, 2) drawn to scale, with its legend."""
+    width, height = np.maximum(np.ptp(path, axis=0), 1e-9)
+    return 5.2, float(np.clip(1.0 + 5.0 * height / width, 2.2, 4.4))
+
+
+def set_time_axis(axes: Axes, time: np.ndarray) -> None:
+    """Labels the time axis [s] and lets it end with the samples, of which there may be one."""
+    axes.set_xlabel("time [s]")
+    if len(time) > 1:
+        axes.set_xlim(time[0], time[-1])
 
 
 def write_figures(figures: Mapping[str, Callable[[], Figure]], folder: Path) -> list[Path]:

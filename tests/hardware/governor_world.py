@@ -25,6 +25,7 @@ REACH = 0.4  # [m] Half a side of the allowed area.
 OFF, TURNED = 0.5, 0.8  # [m], [rad]
 BREAKAWAY, FROZEN = 40.0, 0.5  # [pwm], [s]
 FAILURES = 3
+STILL = [0, 0, 0, 0]
 START = (0.1, -0.2, 0.5)
 TINY = 1e-5  # What the float of a stamp loses is 2.4e-7 s.
 
@@ -74,7 +75,7 @@ class World:
         self.over = set()  # Sessions that must not drive again.
         self.done_heard = set()  # Sessions that may be over.
         self.latched = False
-        self.held = np.zeros(4)
+        self.held = STILL
         self.passed, self.passed_at = (0, 0), NEVER
         self.looked = self.now
         self.status = self.governor.output(self.now)[1]
@@ -82,24 +83,59 @@ class World:
     # What can happen. Each takes a byte.
 
     def sample(self, byte):
-        """All is well for a sample: the robot creeps, the controller answers."""
-        self.advance(0.1)
-        self.move(0.001, 0.0, 0.0)
-        self.odometry()
-        self.command(np.array([byte - 128.0, 0.7 * byte - 90.0, 55.0, 60.5]))
-        self.look()
+        """All is well: the robot creeps, the controller answers."""
+        self.step([byte - 128.0, 0.7 * byte - 90.0, 55.0, 60.5])
         if self.clean:
             assert not self.status.stopped
             assert self.status.sequence == self.sequence - 1, "a command was not passed on"
 
     def drift(self, byte):
-        """The robot goes astray."""
+        """The robot goes astray, the reference with it."""
         self.clean = False
-        self.advance(0.1)
-        self.move(*[(0.1, 0, 0), (-0.1, 0, 0), (0, 0.1, 0), (0, -0.1, 0), (0, 0, 0.5)][byte % 5])
-        self.odometry()
-        self.command(np.full(4, 50.0))
-        self.look()
+        way = [(0.1, 0, 0), (-0.1, 0, 0), (0, 0.1, 0), (0, -0.1, 0), (0, 0, 0.5)][byte % 5]
+        for _ in range(1 + byte // 5 % 6):
+            self.step([50.0] * 4, way)
+
+    def block(self, byte):
+        """The robot stands, or the odometry is frozen, while the wheels push more or less."""
+        self.clean, self.frozen = False, True
+        for _ in range(1 + byte % 8):
+            self.step([[50.0] * 4, [39.0] * 4, [60.0, 60.0, -60.0, -60.0]][byte // 8 % 3])
+        self.frozen = False
+
+    def fail(self, byte):
+        """The solver fails some times."""
+        self.clean = False
+        for _ in range(1 + byte % 4):
+            self.step([30.0] * 4, solve_failed=True)
+
+    def silence(self, byte):
+        """The controller is silent for some samples."""
+        self.clean = False
+        for _ in range(1 + byte % 4):
+            self.advance(0.1)
+            self.move(0.001, 0.0, 0.0)
+            self.odometry()
+        self.maybe_look(byte)
+
+    def delay(self, byte):
+        """Odometry is late for some samples."""
+        self.clean = False
+        for _ in range(1 + byte % 4):
+            self.step([30.0] * 4, late=[0.05, 0.12, 0.2, 0.2299, 0.4][byte // 4 % 5])
+
+    def repeat(self, byte):
+        """The robot says what it has said before, for some samples."""
+        self.clean = False
+        for _ in range(1 + byte % 4):
+            self.advance(0.1)
+            if not self.honest or self.now - self.arrived > 0.9:  # It may be believed.
+                self.honest, self.arrived = False, self.now
+            stamp = self.stamp - [0, 1, 10**8, 10**12][byte // 4 % 4]
+            odometry = Odometry(max(stamp, 0), np.array(self.pose), np.zeros(3))
+            self.governor.on_odometry(odometry, self.now)
+            self.command(np.full(4, 30.0))
+            self.look()
 
     def wait(self, byte):
         self.clean = False
@@ -108,10 +144,6 @@ class World:
     def stall(self, byte):
         self.clean = False
         self.now += [0.0, 0.05, 0.0999, 0.1001, 0.2301, 0.5, 3.0][byte % 7]
-
-    def freeze(self, byte):
-        self.clean = False
-        self.frozen = byte % 2 == 0
 
     def good_odometry(self, byte):
         self.clean = False
@@ -207,7 +239,7 @@ class World:
         self.maybe_look(byte)
 
     def request(self, byte):
-        """Mostly resets, after which there is a new controller."""
+        """Mostly resets, after which there is a new controller where one is needed."""
         self.clean = False
         self.look()  # What stops and is reset between two looks, the judge would not understand.
         if byte % 4 == 0:
@@ -216,16 +248,26 @@ class World:
         else:
             self.latched &= self.now - self.arrived > AGE
             self.governor.on_request(OperatorRequest(Request.RESET), self.now)
-            self.session, self.sequence = self.session + 1, 0
+            self.look()
+            if self.session in self.over:
+                self.session, self.sequence = self.session + 1, 0
         self.maybe_look(byte)
 
     # Parts of these.
 
+    def step(self, command, way=(0.001, 0.0, 0.0), late=0.0, **fields):
+        """One sample in which the robot moves, says so, and the controller answers."""
+        self.advance(0.1)
+        self.move(*way)
+        self.odometry(late)
+        self.command(np.array(command), **fields)
+        self.look()
+
     def advance(self, seconds):
-        """Time passes, and the guard looks every 40 ms."""
-        until = self.now + seconds
-        while self.now < until:
-            self.now = min(self.now + 0.04, until)
+        """Time passes, and the guard looks every 50 ms at least."""
+        looks = math.ceil(seconds / 0.05 - TINY)
+        for _ in range(looks):
+            self.now += seconds / looks
             self.look()
 
     def move(self, dx, dy, dyaw):
@@ -233,7 +275,18 @@ class World:
             self.pose = [self.pose[0] + dx, self.pose[1] + dy, self.pose[2] + dyaw]
             self.same_since = INF  # Until somebody has seen it.
 
+    def expire(self):
+        """Nothing that comes too late helps."""
+        silence = self.now - self.heartbeat.get(self.status.session, NEVER)
+        if self.driving() and max(silence, self.age()) > AGE + TINY:
+            self.latched = True
+
+    def age(self):
+        """How old the odometry is at least."""
+        return self.now - min(self.arrived, self.measured if self.honest else INF)
+
     def odometry(self, late=0.0, stamp=None):
+        self.expire()
         self.messages += 1
         silent = self.now - self.arrived > 0.9 if self.messages > 1 else late > 0
         if silent or self.messages > 50:  # The window forgets; a track may begin anew.
@@ -252,6 +305,7 @@ class World:
 
     def command(self, command, *, sense=True, off=(0.0, 0.0, 0.0), turns=0, **fields):
         """The controller says something; whether it makes sense."""
+        self.expire()
         session = fields.setdefault("session", self.session)
         sequence = fields.setdefault("sequence", self.sequence)
         self.sequence = max(self.sequence, sequence) + 1
@@ -285,10 +339,13 @@ class World:
         self.failed[session] = failed
         self.latched |= mine and failed >= FAILURES
         if mine and self.honest:
+            ago = self.now + self.clock - 1e-9 * fields["odometry_stamp"]
+            self.latched |= abs(ago) > AGE + TINY
             astray = math.hypot(off[0], off[1]) > OFF + TINY or abs(off[2]) > TURNED + TINY
             self.latched |= astray
 
     def maybe_look(self, byte):
+        """Looks at once after half of all that happens."""
         if byte >= 128:
             self.look()
 
@@ -315,15 +372,13 @@ class World:
         if command is not None:
             self.judge_command(command)
         status = self.status
-        assert status.command.tolist() == self.held.tolist()
+        assert status.command.tolist() == self.held
         assert bool(status.reason) == status.stopped
 
         silence = self.now - self.heartbeat.get(status.session, NEVER)
-        age = self.now - self.arrived
-        old = age > AGE + TINY or (self.honest and self.now - self.measured > AGE + TINY)
-        must_stop = old or silence > AGE + TINY or (stalled and was_driving)
+        must_stop = max(silence, self.age()) > AGE + TINY or (stalled and was_driving)
         if must_stop or self.latched or status.stopped or status.session in self.over:
-            assert not self.held.any(), "the wheels turn where they must not"
+            assert self.held == STILL, "the wheels turn where they must not"
         if self.latched or (was_driving and must_stop):
             assert status.stopped, "no stop where one is due"
         if status.stopped:
@@ -335,18 +390,20 @@ class World:
     def judge_command(self, command):
         assert command.shape == (4,)
         assert command.dtype.kind == "i"
-        assert np.all(np.abs(command) <= 100)
+        command = command.tolist()
         number = self.status.session, self.status.sequence
         new = number != self.passed and number in self.wanted
-        if command.any():
+        if command != STILL:
             assert new, "a command that nobody gave"
+            assert max(map(abs, command)) <= 100
             assert any(self.is_towards(wanted, command) for wanted in self.wanted[number])
             first = number[0] != self.passed[0]
             elapsed = SLEW_TIME if first else min(self.now - self.passed_at, SLEW_TIME)
-            assert np.all(np.abs(command - self.held) <= SLEW * elapsed + TINY)
+            change = max(abs(u - held) for u, held in zip(command, self.held, strict=True))
+            assert change <= SLEW * elapsed + TINY
         if new:
             self.passed, self.passed_at = number, self.now
-        self.held = np.array(command)
+        self.held = command
         u1, u2, u3, u4 = command
         useless = (u1 + u2 - u3 - u4) / 4
         pushing = math.sqrt(max(sum(u * u for u in command) / 4 - useless**2, 0.0))
@@ -357,28 +414,32 @@ class World:
 
     def is_towards(self, wanted, command):
         """Whether a command is what was wanted, or between that and the one before."""
-        whole = np.clip(np.rint(wanted), -100, 100)
-        low, high = np.minimum(self.held, whole), np.maximum(self.held, whole)
-        return np.all((low <= command) & (command <= high))
+        whole = [min(max(round(u), -100), 100) for u in wanted]
+        both = zip(self.held, whole, command, strict=True)
+        return all(min(held, u) <= sent <= max(held, u) for held, u, sent in both)
 
 
 # What a byte stands for: mostly all is well, so that other things happen to a robot that drives.
 EVENTS = [
-    *[World.sample] * 96,
-    *[World.drift] * 16,
-    *[World.wait] * 24,
+    *[World.sample] * 88,
+    *[World.delay] * 6,
+    *[World.repeat] * 6,
+    *[World.drift] * 10,
+    *[World.block] * 8,
+    *[World.fail] * 8,
+    *[World.silence] * 8,
+    *[World.wait] * 14,
     *[World.stall] * 4,
-    *[World.freeze] * 8,
     *[World.good_odometry] * 16,
     *[World.lying_odometry] * 8,
     *[World.bad_odometry] * 12,
-    *[World.good_command] * 16,
+    *[World.good_command] * 12,
     *[World.zero_command] * 4,
-    *[World.stray_command] * 14,
+    *[World.stray_command] * 12,
     *[World.bad_command] * 6,
     *[World.done] * 4,
     *[World.foreign] * 4,
-    *[World.request] * 24,
+    *[World.request] * 26,
 ]
 assert len(EVENTS) == 256
 

@@ -6,7 +6,7 @@ from governor_world import run
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-SEQUENCES = st.binary(min_size=20, max_size=100)
+SEQUENCES = st.binary(min_size=12, max_size=48)
 
 
 @settings(deadline=None)

@@ -150,12 +150,25 @@ def test_rejects_a_jump_of_the_position():
     assert reason == "jump of 0.181 m in 0.120 s (limit 1.5 m/s)"
 
 
+def test_what_makes_no_sense_leaves_the_track_as_it_is():
+    assert rejection(odometry(0.1, (math.nan, 0.0, 0.0)), odometry(0.0)).startswith("pose: ")
+    assert rejection(odometry(0.1, (2e4, 0.0, 0.0)), odometry(0.0)).startswith("pose: ")
+
+
+def test_the_stamps_say_how_long_the_robot_had():
+    # A clock that steps back by 0.06 s leaves 0.04 s, and the encoders' 0.02 s.
+    reason = rejection(odometry(0.1, (0.1, 0.0, 0.0), step=-0.06), odometry(0.0))
+    assert reason == "jump of 0.1 m in 0.060 s (limit 1.5 m/s)"
+
+
 def test_rejects_a_jump_of_the_yaw():
     before = odometry(0.0, (0.0, 0.0, 3.0))
     # 6 rad/s times 0.12 s: 0.72 rad, across pi.
     wrapped = 3.0 - 2 * math.pi
     assert rejection(odometry(0.1, (0.0, 0.0, wrapped + 0.719)), before) is None
     reason = rejection(odometry(0.1, (0.0, 0.0, wrapped + 0.721)), before)
+    assert reason == "jump of 0.721 rad in 0.120 s (limit 6 rad/s)"
+    reason = rejection(odometry(0.1, (0.0, 0.0, 3.0 - 0.721)), before)
     assert reason == "jump of 0.721 rad in 0.120 s (limit 6 rad/s)"
 
 

@@ -26,6 +26,8 @@ from mirte_drake.hardware.messages import (
 )
 from mirte_drake.hardware.wire_config import open_link
 
+pytestmark = pytest.mark.xdist_group("wire")  # In real time: one after the other.
+
 CHILD = Path(__file__).with_name("ros2_child.py")
 
 

@@ -92,3 +92,9 @@ def test_where_the_robot_really_was_is_drawn_only_where_it_differs(logs):
     for same in (log, unknown):
         labels = [item.get_label() for item in path_figure(same).axes[0].get_lines()]
         assert "actual" in labels and "true" not in labels
+
+
+def test_a_flat_path_has_a_flat_figure(logs):
+    log = logs["rectangle"]  # Two seconds: a straight line.
+    round_ = {**log, "pose": np.random.default_rng(1).normal(size=(21, 3))}
+    assert path_figure(log).get_figheight() < 0.6 * path_figure(round_).get_figheight()

@@ -74,6 +74,8 @@ def test_a_robot_on_the_wire_has_no_truth_but_says_how_the_wire_was(reported_run
     assert numbers["RMSE, true pose"] == "unknown"
     assert numbers["command latency"] == "1.00, 2.00, 3.25 ms"
     assert numbers["missed odometry"] == "4"
+    assert headline(text)["RMSE x"][1] == "measured by odometry"
+    assert "mirte-drake&nbsp;drive&nbsp;as_run.scenario.yaml" in text
     assert "It ended before its time: the guard stopped the robot." in text
 
 
@@ -102,3 +104,12 @@ def test_without_a_picture_it_says_why(reported_runs, blank_figures):
 def test_headings_go_down_one_by_one(name, reported_runs, blank_figures):
     levels = re.findall(r"<h(\d)", run_report(reported_runs[name], diagram=DIAGRAM))
     assert levels == ["1", *["2"] * (len(levels) - 1)]
+
+
+def test_a_run_of_one_sample_has_a_report(reported_runs):
+    """As of a drive that is stopped at once."""
+    run = reported_runs["rectangle"]
+    log = {key: values[:1] for key, values in run.log.items()}
+    summary = {**run.summary, "steps": 1, "simulated_time_s": 0.0, "successor_violations": 0}
+    text = run_report(dc.replace(run, log=log, summary=summary), diagram=DIAGRAM)
+    assert headline(text)["Next pose in the tube"] == ("100.0 %", "outside at 0 of 1")
