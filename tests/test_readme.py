@@ -99,6 +99,7 @@ def test_the_comparison_is_what_the_command_gives(scenario):
                 assert number == value
 
 
+@pytest.mark.xdist_group("wire")
 def test_every_block_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     excitation = ExcitationConfig(duration=20.0, random_duration=10.0)
@@ -106,7 +107,7 @@ def test_every_block_runs(tmp_path, monkeypatch, capsys):
     save_csv(run, tmp_path / "run.csv")
     save_csv(run, tmp_path / "other_run.csv")
     every = pages.blocks(README_FILE)
-    assert sum(len(block.commands) for block in every) == 39
+    assert sum(len(block.commands) for block in every) == 41
     assert not any(block.not_run for block in every)
     with pages.Reader() as reader:
         for block in every:
@@ -125,7 +126,7 @@ def newcomers_steps() -> list[list[str]]:
 
 
 def test_every_step_of_a_newcomer_is_at_most_two_commands():
-    assert [len(step) for step in newcomers_steps()] == [1, 1, 1, 1, 2]
+    assert [len(step) for step in newcomers_steps()] == [1, 1, 1, 1, 2, 2]
 
 
 @pytest.mark.slow
@@ -140,7 +141,8 @@ def test_a_newcomer_gets_there_in_an_empty_folder(tmp_path, monkeypatch, capsys)
         for step in newcomers_steps():
             for command in step:
                 reader.run_command(command)
-    assert (tmp_path / "runs" / "own_path" / "path.png").is_file()
+    for name in "path.png", "replay.html", "report.html":
+        assert (tmp_path / "runs" / "own_path" / name).is_file()
     assert "dx/dt" in capsys.readouterr().out
 
 

@@ -21,6 +21,7 @@ SYSTEMS = {  # Folder or module: heading.
     "systems": "Controller, references and disturbance",
     "robots": "Robots and odometry",
     "assembly": "Diagrams made of them",
+    "visualization": "To see it, and to interfere",
 }
 MODULES = {  # Folder: heading.
     "base": "Foundations",
@@ -159,7 +160,8 @@ def system_pages(members: list[Module]) -> dict[str, str]:
     """Returns the pages about systems by name."""
     groups: dict[str, list[Module]] = {heading: [] for heading in SYSTEMS.values()}
     for module in members:
-        groups[SYSTEMS.get(module.folder) or SYSTEMS[module.name]].append(module)
+        heading = SYSTEMS.get(module.folder) or SYSTEMS.get(module.name, "Others")
+        groups.setdefault(heading, []).append(module)
     pages = {module.page: module_page(module) for module in members}
     return {**pages, "index": contents_page("Systems", SYSTEMS_TEXT, groups)}
 
