@@ -106,7 +106,7 @@ def test_every_block_runs(tmp_path, monkeypatch, capsys):
     save_csv(run, tmp_path / "run.csv")
     save_csv(run, tmp_path / "other_run.csv")
     every = pages.blocks(README_FILE)
-    assert sum(len(block.commands) for block in every) == 39
+    assert sum(len(block.commands) for block in every) == 40
     assert not any(block.not_run for block in every)
     with pages.Reader() as reader:
         for block in every:
@@ -125,7 +125,7 @@ def newcomers_steps() -> list[list[str]]:
 
 
 def test_every_step_of_a_newcomer_is_at_most_two_commands():
-    assert [len(step) for step in newcomers_steps()] == [1, 1, 1, 1, 2]
+    assert [len(step) for step in newcomers_steps()] == [1, 1, 1, 1, 2, 1]
 
 
 @pytest.mark.slow
@@ -141,6 +141,7 @@ def test_a_newcomer_gets_there_in_an_empty_folder(tmp_path, monkeypatch, capsys)
             for command in step:
                 reader.run_command(command)
     assert (tmp_path / "runs" / "own_path" / "path.png").is_file()
+    assert (tmp_path / "runs" / "own_path" / "replay.html").is_file()
     assert "dx/dt" in capsys.readouterr().out
 
 
