@@ -106,7 +106,7 @@ def test_every_block_runs(tmp_path, monkeypatch, capsys):
     save_csv(run, tmp_path / "run.csv")
     save_csv(run, tmp_path / "other_run.csv")
     every = pages.blocks(README_FILE)
-    assert sum(len(block.commands) for block in every) == 40
+    assert sum(len(block.commands) for block in every) == 41
     assert not any(block.not_run for block in every)
     with pages.Reader() as reader:
         for block in every:
