@@ -62,6 +62,7 @@ def drive(
     link: Link,
     session: int,
     *,
+    on_diagram: Callable[[Diagram], object] = lambda _: None,
     on_sample: Callable[[], object] = lambda: None,
     recorder: DriveRecorder | None = None,
     clock: Callable[[], float] = time.monotonic,
@@ -73,6 +74,7 @@ def drive(
         name: Name for the summary.
         link: Of ``wire_to``.
         session: Of ``wire_to``.
+        on_diagram: Called with the Diagram before the drive begins.
         on_sample: Called after each sample, when its command is on its way.
         recorder: Records it.
         clock: [s] that messages' times of arrival are of.
@@ -82,6 +84,7 @@ def drive(
     """
     diagram = MakeDiagram(scenario, link, session)
     _warm_up(diagram, scenario)
+    on_diagram(diagram)
     with interruption() as watch, few_pauses():
         pace = _pace(diagram, scenario, link, watch, recorder, clock)
         return run_diagram(diagram, scenario, name, on_sample, pace)

@@ -19,6 +19,7 @@ from mirte_drake.hardware.messages import (
     WheelCommand,
 )
 from mirte_drake.hardware.wire_config import open_link
+from mirte_drake.pacing import GUARD_TIMEOUT
 from mirte_drake.scenario import Scenario, wired_robot
 from mirte_drake.vectors import POSE_SIZE, WHEELS
 
@@ -67,12 +68,16 @@ def stop_wheels(link: Link, session: int, clock: Callable[[], float] = time.mono
     # Of an end the guard wants to know nothing but whose it is.
     done = DriveCommand(session, 2**31 - 1, nothing, np.zeros(POSE_SIZE), 0, False, done=True)
     link.send(done)
-    while clock() - start < CONFIRMATION:
+    link.wait(0.0)  # What came before this has perhaps not been looked at.
+    heard = link.latest(GuardStatus)
+    # Of a guard that is gone there is nothing to wait for while the wheels turn.
+    patience = 0.0 if heard is None or start - heard.arrival > GUARD_TIMEOUT else CONFIRMATION
+    while clock() - start < patience:
         link.wait(0.01)
         status = link.latest(GuardStatus)
         if status is not None and status.arrival > start and not np.any(status.command):
             return
-    while clock() - start < CONFIRMATION + STOP_TIME:
+    while clock() - start < patience + STOP_TIME:
         link.send(WheelCommand(nothing))
         link.wait(STOP_PERIOD)
 

@@ -11,7 +11,12 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
-SLOW = ("04_harder_robots", "06_from_data_to_drive", "13_recover_a_known_model")  # Over 5 s.
+SLOW = (  # Over 5 s, or in real time.
+    "04_harder_robots",
+    "06_from_data_to_drive",
+    "08_drive_over_the_wire",
+    "13_recover_a_known_model",
+)
 NUMBER = r"\d+(?:\.\d+)?"
 
 sys.path.insert(0, str(ROOT / "docs" / "extensions"))

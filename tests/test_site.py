@@ -36,6 +36,7 @@ def run_pages(paths, monkeypatch, folder) -> int:
     return sum(not block.not_run for block in every)
 
 
+@pytest.mark.slow
 @pytest.mark.xdist_group("wire")
 def test_the_tutorial_runs_in_one_folder(tmp_path, monkeypatch):
     assert run_pages(tutorial_pages(), monkeypatch, tmp_path) > 10

@@ -51,6 +51,16 @@ def test_where_no_guard_says_that_the_wheels_stand_zeros_are_sent_again_and_agai
     assert times[-1] - times[0] > 0.8 * STOP_TIME
 
 
+@pytest.mark.parametrize("last", [None, 99.7])
+def test_a_guard_that_is_gone_is_not_waited_for(last):
+    """While the wheels turn, and perhaps this process is the next to go."""
+    link = ScriptedLink()
+    if last is not None:
+        link.at(last, MOVING)
+    stop_wheels(link, 5, link.clock)
+    assert sent(link, WheelCommand)[0][0] == pytest.approx(0.0, abs=1e-3)
+
+
 def test_stop_tells_guards_and_wheels_and_says_what_it_knows():
     link = ScriptedLink(Role.OPERATOR)
     assert "no odometry was heard: look at the robot" in stop_all(link, clock=link.clock)

@@ -13,6 +13,7 @@ from mirte_drake.cli import (  # noqa: F401 They add their commands.
     collection,
     comparison,
     doctor,
+    faults,
     figures,
     identification,
     replay,
