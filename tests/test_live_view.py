@@ -129,7 +129,7 @@ def test_the_stage_holds_path_start_and_patches():
 def test_a_setpoint_has_room_but_no_path():
     reference = VelocitySetpointConfig(start=np.array([1.0, 2.0, 0.0]))
     scenario = dc.replace(Scenario(), reference=reference, duration=1.0)
-    stage = scene_stage(scenario, "light")
+    stage = scene_stage(scenario)
     assert stage.path.shape == (0, 2)
     np.testing.assert_array_equal(stage.places, [[0.0, 1.0], [2.0, 3.0]])
     simulator, _ = watched(scenario)

@@ -23,6 +23,7 @@ from mirte_drake.identification.synthetic_recording import (
 from mirte_drake.robots.names import ROBOTS, robot_override
 from mirte_drake.run import simulate, summarise
 from mirte_drake.scenario import load_scenario, scenario_names
+from mirte_drake.visualization.run_controls import RunControls, Wish
 
 README = (Path(__file__).parents[1] / "README.md").read_text()
 TABLE = README.split("<!-- results", 1)[1].split("\n\n", 1)[0]
@@ -115,11 +116,14 @@ def test_every_command_runs(tmp_path, monkeypatch, capsys):
         "benchmark": "--quick --solver realtime --solver converged",
         "compare": "--runs 1 --scenario baseline_circle --set duration=0.3",
     }
-    assert len(COMMANDS) == 23
+    # Nobody is there to stop what is watched.
+    monkeypatch.setattr(RunControls, "read", lambda controls: Wish(1.0, False, 0, stop=True))
+    assert len(COMMANDS) == 26
     for command in COMMANDS:
         arguments = shlex.split(command)[1:]
         main([*arguments, *shorter.get(arguments[0], "").split()])
     assert (tmp_path / "my_circle" / "summary.json").is_file()
+    assert (tmp_path / "my_circle" / "replay.html").is_file()
     assert (tmp_path / "mine.yaml").is_file()
     assert (tmp_path / "fleet" / "weak_wheels.yaml").is_file()
 
