@@ -100,6 +100,7 @@ def test_the_comparison_is_what_the_command_gives(scenario):
                 assert number == value
 
 
+@pytest.mark.xdist_group("wire")
 def test_every_block_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     excitation = ExcitationConfig(duration=20.0, random_duration=10.0)
