@@ -5,13 +5,13 @@ BIN := $(VENV)/bin
 # The controller's matrices are small: threads only get in each other's way.
 export OMP_NUM_THREADS := 1
 
-.PHONY: demo test test-slow lint diagrams clean
+.PHONY: demo test test-slow lint docs diagrams clean
 
 demo: $(VENV)/installed
 	$(BIN)/mirte-drake simulate rectangle
 
 test: $(VENV)/installed
-	$(BIN)/python -m pytest -m "not slow"
+	$(BIN)/python -m pytest -n auto -m "not slow"
 
 test-slow: $(VENV)/installed
 	$(BIN)/python -m pytest -m slow
@@ -21,13 +21,16 @@ lint: $(VENV)/installed
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
+docs: $(VENV)/installed
+	$(BIN)/python -m sphinx -W --keep-going -q docs docs/_build
+	@echo "Open docs/_build/index.html"
+
 # Redraws the pictures beside the scenarios.
 diagrams: $(VENV)/installed
-	for file in diagrams/*.scenario.yaml; do \
-	  $(BIN)/mirte-drake diagram $$(basename $$file .scenario.yaml) --output diagrams || exit; done
+	$(BIN)/mirte-drake diagram --all
 
 clean:
-	rm -rf $(VENV) runs build dist .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) runs build dist docs/_build docs/generated .pytest_cache .mypy_cache .ruff_cache
 
 $(VENV)/installed: pyproject.toml
 	$(PYTHON) -c "import ensurepip, venv" || \

@@ -1,4 +1,4 @@
-"""Yaw angles: wrapping errors and unwrapping measurements."""
+"""Yaw angles: wrapping errors, unwrapping measurements, and quaternions."""
 
 import numpy as np
 
@@ -33,3 +33,18 @@ def rotation(yaw: float | np.ndarray) -> np.ndarray:
     zero, one = np.zeros_like(cos), np.ones_like(cos)
     rows = [[cos, -sin, zero], [sin, cos, zero], [zero, zero, one]]
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def yaw_quaternion(yaw: float) -> tuple[float, float, float, float]:
+    """Returns the unit quaternion x, y, z, w of a turn by ``yaw`` [rad] about the z axis."""
+    return 0.0, 0.0, float(np.sin(yaw / 2)), float(np.cos(yaw / 2))
+
+
+def quaternion_yaw(x: float, y: float, z: float, w: float) -> float:
+    """Returns the yaw [rad] of a quaternion of any length; nan for one of no or infinite length."""
+    q = np.array([x, y, z, w])
+    length = np.max(np.abs(q))
+    if not 0 < length < np.inf:
+        return np.nan
+    x, y, z, w = q / length
+    return float(np.arctan2(2 * (w * z + x * y), w**2 + x**2 - y**2 - z**2))

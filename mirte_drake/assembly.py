@@ -2,17 +2,24 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Protocol
 
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import ZeroOrderHold
 
 from mirte_drake.errors import UserError
+from mirte_drake.hardware.link import Link, Role
+from mirte_drake.hardware.wire_config import open_link
+from mirte_drake.robots.lcm_robot import MakeLcmRobot
 from mirte_drake.robots.measured_robot import AddMeasuredRobot
-from mirte_drake.robots.robot_ports import RobotPorts
+from mirte_drake.robots.robot_ports import RobotPorts, WirePorts
+from mirte_drake.robots.ros2_robot import MakeRos2Robot, Ros2RobotConfig
 from mirte_drake.robots.sindyc_robot import AddSindycRobot, SindycRobotConfig
-from mirte_drake.scenario import Scenario, load_prediction_model
+from mirte_drake.robots.wire_robot import WireRobot
+from mirte_drake.robots.wired_robot import wired_ports
+from mirte_drake.scenario import Scenario, WiredRobotConfig, load_prediction_model
 from mirte_drake.systems.ancillary_dlqr import AddAncillaryDlqr
-from mirte_drake.systems.disturbance_source import AddDisturbanceSource
+from mirte_drake.systems.disturbance_source import AddDisturbanceSource, DisturbanceSource
 from mirte_drake.systems.nominal_nmpc import AddNominalNmpc
 from mirte_drake.systems.reference_source import AddReferenceSource, ReferenceSource
 from mirte_drake.systems.tube_updater import AddTubeUpdater
@@ -24,19 +31,55 @@ from mirte_drake.systems.velocity_setpoint import (
 from mirte_drake.systems.wheel_command_limiter import AddWheelCommandLimiter
 
 
-def AddRobot(builder: DiagramBuilder, scenario: Scenario) -> RobotPorts:
+def AddRobot(
+    builder: DiagramBuilder, scenario: Scenario, link: Link | None = None, session: int = 0
+) -> RobotPorts:
     """Adds the robot that the scenario names, with its odometry, and returns its ports.
 
-    With odometry it is a Diagram of ``MakeMeasuredRobot``, without one a SindycRobot.
+    With odometry it is a Diagram of ``MakeMeasuredRobot``, without one a SindycRobot; beyond a
+    wire, one of ``MakeRos2Robot`` or ``MakeLcmRobot``.
+
+    Args:
+        builder: The builder.
+        scenario: The scenario.
+        link: The controller's end of the wire, for a robot beyond one; None opens it.
+        session: Number of this controller for the guard.
 
     Raises:
+        UserError: when the wire cannot be used.
         ValueError: when robot or odometry is out of range.
     """
     robot, odometry = scenario.robot, scenario.measuring_odometry
+    if isinstance(robot, WiredRobotConfig):
+        return _add_wired_robot(builder, robot, scenario, link, session)
     if odometry is None:
         assert isinstance(robot, SindycRobotConfig)
         return AddSindycRobot(builder, robot, start=scenario.first_pose)
     return AddMeasuredRobot(builder, robot, odometry, start=scenario.first_pose, seed=scenario.seed)
+
+
+def _add_wired_robot(
+    builder: DiagramBuilder,
+    robot: WiredRobotConfig,
+    scenario: Scenario,
+    link: Link | None,
+    session: int,
+) -> RobotPorts:
+    link = link or open_link(robot.wire, Role.CONTROLLER)
+    adapter = WireRobot(
+        load_prediction_model(scenario),
+        start=scenario.first_pose,
+        period=scenario.period,
+        session=session,
+        limits=robot.governor.odometry,
+        roll_forward=robot.roll_forward,
+    )
+    if isinstance(robot, Ros2RobotConfig):
+        return wired_ports(builder.AddSystem(MakeRos2Robot(robot, adapter, link)))
+    from mirte_drake.hardware.lcm_link import LcmLink
+
+    assert isinstance(link, LcmLink)
+    return wired_ports(builder.AddSystem(MakeLcmRobot(robot, adapter, link)))
 
 
 def AddReference(
@@ -133,7 +176,32 @@ def AddController(builder: DiagramBuilder, scenario: Scenario) -> Diagram:
     return builder.AddNamedSystem("controller", MakeController(scenario))
 
 
-def MakeDiagram(scenario: Scenario) -> Diagram:
+class View(Protocol):
+    """What makes a Diagram one to watch; it adds systems, and connects them to the Diagram's."""
+
+    def add_disturbance_controls(
+        self, builder: DiagramBuilder, disturbance: OutputPort
+    ) -> OutputPort:
+        """Adds controls of the disturbance (3,), and returns what it is with them."""
+
+    def add_scene(
+        self,
+        builder: DiagramBuilder,
+        controller: Diagram,
+        reference: LeafSystem,
+        robot: RobotPorts,
+        disturbance: OutputPort | None,
+    ) -> None:
+        """Adds what shows the Diagram."""
+
+
+def MakeDiagram(
+    scenario: Scenario,
+    link: Link | None = None,
+    session: int = 0,
+    *,
+    view: View | None = None,
+) -> Diagram:
     """Wires reference, controller, disturbance and robot of a scenario.
 
     .. pydrake_system::
@@ -151,38 +219,104 @@ def MakeDiagram(scenario: Scenario) -> Diagram:
     ``pose`` and ``body_velocity`` are measured, by odometry where the robot has one; ``true_pose``
     is where it is. A robot without an input for a disturbance leaves ``disturbance`` out.
 
+    A robot beyond a wire has no ``true_pose``, but an input ``clock`` (1,) [s] and the outputs
+    ``odometry_age``, ``drive_command`` and ``plan_view``, see WireRobot; it sends when the Diagram
+    is told to publish. ``mirte_drake.drive`` drives it.
+
+    Args:
+        scenario: The scenario.
+        link: The controller's end of the wire, for a robot beyond one; None opens it.
+        session: Number of this controller for the guard.
+
     With a VelocitySetpointConfig as reference there is an input ``velocity_setpoint`` (3,), which
     may stay open. The controller's further outputs (``half_width``, ``designs``,
     ``solve_status``) are exported too where it has them.
+
+    Args:
+        scenario: The scenario.
+        view: Shows the Diagram while it runs, and lets others disturb it; None: there is nothing
+            of that in the Diagram.
 
     Raises:
         ValueError: when the scenario is out of range; UserError is one.
     """
     builder = DiagramBuilder()
+    disturbance = None
     controller = AddController(builder, scenario)
     reference = AddReference(builder, scenario)
-    robot = AddRobot(builder, scenario)
+    robot = AddRobot(builder, scenario, link, session)
     builder.Connect(
         reference.GetOutputPort("reference_window"), controller.GetInputPort("reference_window")
     )
     builder.Connect(controller.GetOutputPort("wheel_command"), robot.wheel_command)
     builder.Connect(robot.pose, controller.GetInputPort("pose"))
     if robot.disturbance is not None:
-        source = AddDisturbanceSource(
-            builder, scenario.disturbance, period=scenario.period, seed=scenario.seed
-        )
-        builder.Connect(source.GetOutputPort("disturbance"), robot.disturbance)
-        builder.ExportOutput(source.GetOutputPort("disturbance"), "disturbance")
+        source = _add_disturbance(builder, scenario)
+        disturbance = source.GetOutputPort("disturbance")
+        if view is not None:
+            disturbance = view.add_disturbance_controls(builder, disturbance)
+        builder.Connect(disturbance, robot.disturbance)
+        builder.ExportOutput(disturbance, "disturbance")
     if reference.HasInputPort("velocity_setpoint"):
         builder.ExportInput(reference.GetInputPort("velocity_setpoint"), "velocity_setpoint")
     builder.ExportOutput(reference.GetOutputPort("reference"), "reference")
     builder.ExportOutput(robot.pose, "pose")
     builder.ExportOutput(robot.body_velocity, "body_velocity")
-    assert robot.true_pose is not None
-    builder.ExportOutput(robot.true_pose, "true_pose")
+    if robot.true_pose is not None:
+        builder.ExportOutput(robot.true_pose, "true_pose")
+    if robot.wire is not None:
+        builder.Connect(reference.GetOutputPort("reference"), robot.wire.reference)
+        builder.Connect(controller.GetOutputPort("solve_status"), robot.wire.solve_status)
+        builder.Connect(controller.GetOutputPort("plan"), robot.wire.plan)
+        export_wire(builder, robot.wire)
     for index in range(controller.num_output_ports()):
         port = controller.get_output_port(index)
         builder.ExportOutput(port, port.get_name())
+    if view is not None:
+        view.add_scene(builder, controller, reference, robot, disturbance)
     diagram = builder.Build()
     diagram.set_name("mirte_drake")
     return diagram
+
+
+def export_wire(builder: DiagramBuilder, wire: WirePorts) -> None:
+    """Makes of a wire's ports those of the Diagram that whoever drives it needs."""
+    builder.ExportInput(wire.clock, "clock")
+    builder.ExportOutput(wire.odometry_age, "odometry_age")
+    builder.ExportOutput(wire.drive_command, "drive_command")
+    builder.ExportOutput(wire.plan_view, "plan_view")
+
+
+def MakeRobot(scenario: Scenario) -> Diagram:
+    """Wires disturbance and robot of a scenario: what `mirte-drake robot` puts behind a wire.
+
+    .. pydrake_system::
+
+        name: Robot
+        input_ports:
+        - wheel_command
+        output_ports:
+        - pose
+        - body_velocity
+        - true_pose
+
+    Raises:
+        ValueError: when the scenario is out of range; UserError is one.
+    """
+    builder = DiagramBuilder()
+    robot = AddRobot(builder, scenario)
+    if robot.disturbance is not None:
+        source = _add_disturbance(builder, scenario)
+        builder.Connect(source.GetOutputPort("disturbance"), robot.disturbance)
+    assert robot.true_pose is not None
+    builder.ExportInput(robot.wheel_command, "wheel_command")
+    builder.ExportOutput(robot.pose, "pose")
+    builder.ExportOutput(robot.body_velocity, "body_velocity")
+    builder.ExportOutput(robot.true_pose, "true_pose")
+    return builder.Build()
+
+
+def _add_disturbance(builder: DiagramBuilder, scenario: Scenario) -> DisturbanceSource:
+    return AddDisturbanceSource(
+        builder, scenario.disturbance, period=scenario.period, seed=scenario.seed
+    )

@@ -1,6 +1,8 @@
 """Checks of configuration values, each raising one clear line."""
 
+import dataclasses as dc
 import sys
+from typing import Any
 
 import numpy as np
 
@@ -61,3 +63,18 @@ def check_choice(name: str, value: object, choices: tuple[str, ...]) -> None:
     """
     if value not in choices:
         raise ValueError(f"{name}: must be one of {', '.join(choices)}, got {value!r}")
+
+
+def check_parts(config: Any) -> None:  # noqa: ANN401
+    """Validates every field of a dataclass that has a ``validate``.
+
+    Raises:
+        ValueError: naming the field, then what its own ``validate`` says.
+    """
+    for field in dc.fields(config):
+        part = getattr(config, field.name)
+        if hasattr(part, "validate"):
+            try:
+                part.validate()
+            except ValueError as error:
+                raise type(error)(f"{field.name}.{error}") from None

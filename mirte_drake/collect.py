@@ -6,12 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import ZeroOrderHold
 
-from mirte_drake.assembly import AddRobot
+from mirte_drake.assembly import AddRobot, export_wire
 from mirte_drake.control.excitation import ExcitationConfig
 from mirte_drake.errors import UserError
+from mirte_drake.pacing import Pace, WireStopped
 from mirte_drake.robots.odometry_sensor import OdometrySensorConfig
 from mirte_drake.robots.robot_ports import RobotPorts
 from mirte_drake.scenario import Scenario
@@ -29,6 +30,7 @@ class Collected:
     pose: np.ndarray  # (N, 3) [m, m, rad] measured, world frame, yaw unwrapped.
     body_velocity: np.ndarray  # (N, 3) [m/s, m/s, rad/s] measured, mean over the sample before.
     wheel_command: np.ndarray  # (N, 4) [pwm] held from the row on.
+    ended: str = ""  # Why it ended before its time; empty: it did not.
 
 
 def collect(
@@ -39,6 +41,7 @@ def collect(
     period: float = PERIOD,
     integration_accuracy: float = 1e-6,
     on_sample: Callable[[], object] = lambda: None,
+    make_pace: Callable[[Diagram], Pace] = lambda _: Pace(),
 ) -> Collected:
     """Drives a robot through the excitation, to its end, and records it.
 
@@ -50,6 +53,7 @@ def collect(
         period: [s] between rows, for which commands are held.
         integration_accuracy: Of a robot with continuous states.
         on_sample: Called after each row, for a progress bar.
+        make_pace: Gives what makes the Diagram's samples come; simulated time.
 
     Raises:
         ValueError: when ``excitation`` or ``seed`` is out of range.
@@ -64,18 +68,31 @@ def collect(
     builder.ExportOutput(robot.body_velocity, "body_velocity")
     # What the hold takes over at the instant of a row.
     builder.ExportOutput(source.get_output_port(), "wheel_command")
+    if robot.wire is not None:
+        export_wire(builder, robot.wire)
     diagram = builder.Build()
+    pace = make_pace(diagram)
     simulator = Simulator(diagram)
     simulator.get_mutable_integrator().set_target_accuracy(integration_accuracy)
-    context = simulator.get_context()
+    context = simulator.get_mutable_context()
     ports = [diagram.GetOutputPort(name) for name in ("pose", "body_velocity", "wheel_command")]
-    rows = []
-    for k in range(num_samples(excitation, period)):
-        simulator.AdvanceTo(k * period)
-        rows.append([context.get_time(), *np.concatenate([port.Eval(context) for port in ports])])
-        on_sample()
-    time, pose, velocity, command = np.split(np.array(rows), [1, 4, 7], axis=1)
-    return Collected(time[:, 0], pose, velocity, command)
+    rows: list[list[float]] = []
+    ended = ""
+    try:
+        for k in range(num_samples(excitation, period)):
+            pace.before(context)
+            if k == 0:
+                simulator.Initialize()  # Takes in what came over a wire before.
+            simulator.AdvanceTo(k * period)
+            values = np.concatenate([port.Eval(context) for port in ports])
+            rows.append([context.get_time(), *values])
+            simulator.AdvancePendingEvents()
+            pace.after(context)
+            on_sample()
+    except WireStopped as stop:
+        ended = str(stop)
+    time, pose, velocity, command = np.split(np.array(rows).reshape(-1, 11), [1, 4, 7], axis=1)
+    return Collected(time[:, 0], pose, velocity, command, ended)
 
 
 def num_samples(excitation: ExcitationConfig, period: float = PERIOD) -> int:

@@ -118,7 +118,7 @@ def run_trial(trial: Trial, overrides: tuple[str, ...] = ()) -> Outcome:
 
 def outcome(run: Run) -> Outcome:
     """Returns what a run shows."""
-    log, limit = run.log, run.scenario.input_limit
+    log = run.log
     summary: dict[str, Any] = summarise(run)
     inside = dict.fromkeys(("measured_inside", "true_inside", "successor_inside"), np.nan)
     if run.scenario.tube_updater is not None:
@@ -134,10 +134,20 @@ def outcome(run: Run) -> Outcome:
         **summary["rmse"],
         **{f"true_{key}": value for key, value in summary["true_rmse"].items()},
         **inside,
-        saturation=float(np.mean(np.any(np.abs(log["applied_input"]) >= limit - ROUNDING, axis=1))),
+        saturation=saturation(log["applied_input"], run.scenario.input_limit),
         oscillation=oscillation(log["applied_input"], log["time"][-1]),
         solve_failures=summary["solve_failures"],
     )
+
+
+def saturation(commands: np.ndarray, limit: float) -> float:
+    """Returns the share of the samples at which a wheel is at the limit.
+
+    Args:
+        commands: (N, 4) [pwm].
+        limit: [pwm]
+    """
+    return float(np.mean(np.any(np.abs(commands) >= limit - ROUNDING, axis=1)))
 
 
 def oscillation(commands: np.ndarray, duration: float) -> float:

@@ -4,7 +4,7 @@ import dataclasses as dc
 import importlib.metadata
 import platform
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,8 @@ from mirte_drake.assembly import MakeDiagram
 from mirte_drake.control.dlqr import DlqrDesign
 from mirte_drake.control.plan import Plan, SolveStatus
 from mirte_drake.files import replacing, write_json
-from mirte_drake.scenario import Scenario
+from mirte_drake.pacing import Pace, WireStopped
+from mirte_drake.scenario import Scenario, check_simulated
 from mirte_drake.systems.nominal_nmpc import NominalNmpc
 from mirte_drake.typed_yaml import write_typed
 from mirte_drake.vectors import POSE, POSE_SIZE
@@ -25,6 +26,7 @@ from mirte_drake.vectors import POSE, POSE_SIZE
 ROUNDING = 1e-9  # [m, rad, pwm] Where the controller meets a bound exactly.
 
 RUN_FILES = ("log.npz", "summary.json", "as_run.scenario.yaml")
+REPLAY_FILE = "replay.html"  # What ``replay`` makes of them.
 
 
 @dc.dataclass(frozen=True)
@@ -36,6 +38,7 @@ class Run:
     log: dict[str, np.ndarray]
     rate_limit: np.ndarray  # (4,) [pwm_per_sample]
     wall_time: float  # [s]
+    ended: str = ""  # Why it ended before its time; empty: it did not.
 
 
 def simulate(scenario: Scenario, name: str, on_sample: Callable[[], object] = lambda: None) -> Run:
@@ -47,38 +50,72 @@ def simulate(scenario: Scenario, name: str, on_sample: Callable[[], object] = la
         on_sample: Called after each sample, for a progress bar.
 
     Raises:
+        UserError: when its robot is beyond a wire.
         ValueError: when the scenario cannot be built; UserError is one.
     """
+    check_simulated(scenario)
+    return run_diagram(MakeDiagram(scenario), scenario, name, on_sample)
+
+
+def run_diagram(
+    diagram: Diagram,
+    scenario: Scenario,
+    name: str,
+    on_sample: Callable[[], object] = lambda: None,
+    pace: Pace | None = None,
+) -> Run:
+    """Runs the Diagram of a scenario and logs every sample; see ``simulate``.
+
+    Args:
+        diagram: As ``MakeDiagram`` builds it.
+        scenario: The scenario.
+        name: Name for the summary.
+        on_sample: Called after each sample.
+        pace: What makes samples come; None: simulated time. Where it raises WireStopped the run
+            ends with the samples that it has.
+    """
     start = time.perf_counter()
-    diagram = MakeDiagram(scenario)
-    rows = []
-    for context, true_pose in samples(diagram, scenario):
-        rows.append(_sample(diagram, context, true_pose))
-        on_sample()
-    log = {key: np.array([row[key] for row in rows]) for key in rows[0]}
+    rows: list[dict[str, object]] = []
+    ended = ""
+    try:
+        for context, more in samples(diagram, scenario, pace):
+            rows.append({**_sample(diagram, context), **more})
+            on_sample()
+    except WireStopped as stop:
+        ended = str(stop)
+    log = {key: np.array([row[key] for row in rows]) for key in rows[0]} if rows else {}
     nmpc = diagram.GetSubsystemByName("controller").GetSubsystemByName("nominal_nmpc")
     assert isinstance(nmpc, NominalNmpc)
-    return Run(name, scenario, log, nmpc.problem.rate_limit, time.perf_counter() - start)
+    wall_time = time.perf_counter() - start
+    return Run(name, scenario, log, nmpc.problem.rate_limit, wall_time, ended)
 
 
-def samples(diagram: Diagram, scenario: Scenario) -> Iterator[tuple[Context, np.ndarray]]:
-    """Simulates the Diagram of a scenario and yields its Context and the true pose at every sample.
+def samples(
+    diagram: Diagram, scenario: Scenario, pace: Pace | None = None
+) -> Iterator[tuple[Context, Mapping[str, object]]]:
+    """Runs the Diagram of a scenario and yields at every sample its Context and more to log.
 
     In the Context the updates of that instant are done, so that plan and command are those that
-    follow from the measured pose. The true pose is from before them: they take a robot with
-    discrete states on to its next step.
+    follow from the measured pose. The true pose, where the robot gives one, is from before them:
+    they take a robot with discrete states on to its next step.
     """
+    pace = pace or Pace()
     simulator = Simulator(diagram)
     simulator.get_mutable_integrator().set_target_accuracy(scenario.accuracy)
-    simulator.Initialize()
+    context = simulator.get_mutable_context()
     for k in range(scenario.steps):
+        pace.before(context)
+        if k == 0:
+            simulator.Initialize()  # Takes in what came over a wire before.
         simulator.AdvanceTo(k * scenario.period)
-        true_pose = diagram.GetOutputPort("true_pose").Eval(simulator.get_context())
+        more = {}
+        if diagram.HasOutputPort("true_pose"):
+            more["true_pose"] = diagram.GetOutputPort("true_pose").Eval(context)
         simulator.AdvancePendingEvents()
-        yield simulator.get_context(), true_pose
+        yield context, {**more, **pace.after(context)}
 
 
-def _sample(diagram: Diagram, context: Context, true_pose: np.ndarray) -> dict[str, object]:
+def _sample(diagram: Diagram, context: Context) -> dict[str, object]:
     def evaluate(port: str) -> object:
         return diagram.GetOutputPort(port).Eval(context)
 
@@ -93,7 +130,6 @@ def _sample(diagram: Diagram, context: Context, true_pose: np.ndarray) -> dict[s
         "time": context.get_time(),
         "reference": plan.data.reference[0],
         "pose": evaluate("pose"),
-        "true_pose": true_pose,
         "nominal_pose": plan.nominal_state[POSE],
         "nominal_next": plan.nominal_next[POSE],
         "nominal_plan": plan.inputs,
@@ -129,7 +165,7 @@ def summarise(run: Run) -> dict[str, object]:
         "simulated_time_s": float(log["time"][-1]),
         "wall_time_s": run.wall_time,
         "rmse": _rmse(log["pose"], log["reference"]),
-        "true_rmse": _rmse(log["true_pose"], log["reference"]),
+        "true_rmse": _rmse(log["true_pose"], log["reference"]) if "true_pose" in log else None,
         "solve_time_ms": _percentiles(log["solve_time_s"]),
         "feedback_time_ms": _percentiles(log["solve_time_s"] - log["preparation_time_s"]),
         "solver": run.scenario.nominal_nmpc.solver,
@@ -140,7 +176,19 @@ def summarise(run: Run) -> dict[str, object]:
         "successor_violations": _count(successor_error > log["half_width"][1:] + ROUNDING),
         "input_violations": _count(np.abs(asked) > limit + ROUNDING),
         "rate_violations": _count(moves > run.rate_limit + ROUNDING),
+        **({"wire": _wire_summary(run)} if "command_latency_s" in log else {}),
         "versions": versions(),
+    }
+
+
+def _wire_summary(run: Run) -> dict[str, object]:
+    """Returns what a wire adds to the summary of a run."""
+    log = run.log
+    return {
+        "ended": run.ended,
+        "command_latency_ms": _percentiles(log["command_latency_s"]),
+        "odometry_age_ms": _percentiles(log["odometry_age_s"]),
+        "missed_odometry": int(np.sum(~log["fresh_odometry"])),
     }
 
 

@@ -8,15 +8,17 @@ from typing import get_args
 
 import numpy as np
 
-from mirte_drake.checks import check_number
+from mirte_drake.checks import check_number, check_parts
 from mirte_drake.control.reference_paths import RectanglePath
 from mirte_drake.errors import UserError
 from mirte_drake.files import read_text
 from mirte_drake.model.model_file import load_model
 from mirte_drake.model.sparse_model import SparseModel
 from mirte_drake.robots.dynamic_robot import DynamicRobotConfig
+from mirte_drake.robots.lcm_robot import LcmRobotConfig
 from mirte_drake.robots.measured_robot import RobotConfig
 from mirte_drake.robots.odometry_sensor import OdometrySensorConfig
+from mirte_drake.robots.ros2_robot import Ros2RobotConfig
 from mirte_drake.robots.sindyc_robot import SindycRobotConfig
 from mirte_drake.systems.ancillary_dlqr import AncillaryDlqrConfig
 from mirte_drake.systems.disturbance_source import (
@@ -32,12 +34,15 @@ from mirte_drake.systems.wheel_command_limiter import WheelCommandLimiterConfig
 from mirte_drake.typed_yaml import parse_typed, top_level_text
 from mirte_drake.vectors import POSE_SIZE, WHEELS
 
+WiredRobotConfig = Ros2RobotConfig | LcmRobotConfig
+
 SUFFIX = ".scenario.yaml"
 KINDS = (
     *get_args(ReferencePathConfig),
     VelocitySetpointConfig,
     *get_args(DisturbanceConfig),
     *get_args(RobotConfig),
+    *get_args(WiredRobotConfig),
 )
 JITTER = 0.012  # [s] Of odometry: the middle of what the robot's recordings look like.
 
@@ -65,7 +70,7 @@ class Scenario:
     )
     # A multibody robot has no input for it: what disturbs that one is its floor.
     disturbance: DisturbanceConfig = dc.field(default_factory=UniformDisturbance)
-    robot: RobotConfig = dc.field(default_factory=SindycRobotConfig)
+    robot: RobotConfig | WiredRobotConfig = dc.field(default_factory=SindycRobotConfig)
     # null: the robot's own, see ``measuring_odometry``. In a file it is another one from its
     # defaults on; ``--set odometry.latency=0.05`` changes the one that the robot would have.
     odometry: OdometrySensorConfig | None = None
@@ -88,13 +93,7 @@ class Scenario:
             check_number("duration", self.duration, minimum=self.period)
         elif isinstance(self.reference, VelocitySetpointConfig):
             raise ValueError("duration: must be given [s], a velocity setpoint has no end")
-        for field in dc.fields(self):
-            part = getattr(self, field.name)
-            if hasattr(part, "validate"):
-                try:
-                    part.validate()
-                except ValueError as error:
-                    raise type(error)(f"{field.name}.{error}") from None
+        check_parts(self)
         if self.tube_updater is not None and self.ancillary_dlqr is None:
             raise ValueError("tube_updater: needs ancillary_dlqr; set it, or both to null")
 
@@ -155,6 +154,26 @@ def load_prediction_model(scenario: Scenario) -> SparseModel:
             "use kinematic or extended_kinematic"
         )
     return model
+
+
+def check_simulated(scenario: Scenario) -> None:
+    """Raises UserError when the robot of a scenario is beyond a wire."""
+    if isinstance(scenario.robot, WiredRobotConfig):
+        raise UserError("robot: is beyond a wire: `mirte-drake drive` runs it")
+
+
+def wired_robot(scenario: Scenario) -> WiredRobotConfig:
+    """Returns the robot of a scenario, which must be beyond a wire.
+
+    Raises:
+        UserError: when it is a simulated one.
+    """
+    if not isinstance(scenario.robot, WiredRobotConfig):
+        raise UserError(
+            f"robot: {type(scenario.robot).__name__} is simulated; name its wire by "
+            "--transport ros2 or --transport lcm"
+        )
+    return scenario.robot
 
 
 def scenario_folder() -> Path:

@@ -1,6 +1,11 @@
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from browser import Browser, chromium
+from markupsafe import Markup
+
+from mirte_drake.visualization.page import Page
 
 ROOT = Path(__file__).parents[1]
 
@@ -12,3 +17,18 @@ def recordings() -> Path:
     if not folder.is_dir():
         pytest.skip(f"the robot's recordings are not in ../shared/data: {folder}")
     return folder
+
+
+@pytest.fixture
+def browser() -> Iterator[Browser]:
+    """A headless Chromium, from the system: it is no Python package."""
+    if chromium() is None:
+        pytest.skip("there is no Chromium here; on Debian and Ubuntu: apt install chromium")
+    with Browser() as page:
+        yield page
+
+
+@pytest.fixture
+def blank_figures(monkeypatch):
+    """Pages without the time that drawing takes."""
+    monkeypatch.setattr(Page, "plot", lambda self, draw, label: Markup("<svg></svg>"))

@@ -2,7 +2,14 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mirte_drake.angles import pose_error, rotation, unwrap_near, wrap_angle
+from mirte_drake.angles import (
+    pose_error,
+    quaternion_yaw,
+    rotation,
+    unwrap_near,
+    wrap_angle,
+    yaw_quaternion,
+)
 
 angles = st.floats(-100.0, 100.0)
 
@@ -66,3 +73,22 @@ def test_rotations_of_a_batch_equal_single_ones_and_are_orthogonal():
         np.testing.assert_array_equal(matrices[index], rotation(yaw[index]))
         np.testing.assert_allclose(matrices[index] @ matrices[index].T, np.eye(3), atol=1e-15)
         np.testing.assert_allclose(np.linalg.det(matrices[index]), 1.0)
+
+
+@settings(max_examples=50)
+@given(angles, st.floats(1e-3, 1e200))
+def test_yaw_goes_to_a_quaternion_and_back_whatever_its_length(angle, length):
+    quaternion = np.array(yaw_quaternion(angle))
+    np.testing.assert_allclose(np.linalg.norm(quaternion), 1.0, rtol=1e-15)
+    turned = quaternion_yaw(*(length * quaternion)) - angle
+    np.testing.assert_allclose(np.sin(turned / 2), 0.0, atol=1e-12)
+
+
+def test_yaw_of_a_tilted_robot_by_hand():
+    """Rolled by half a turn about x, then turned by a quarter: q_z q_x = (1, 1, 0, 0)/sqrt 2."""
+    np.testing.assert_allclose(quaternion_yaw(1.0, 1.0, 0.0, 0.0), np.pi / 2)
+
+
+def test_quaternions_without_a_direction_have_no_yaw():
+    for broken in ([0, 0, 0, 0], [0, 0, np.inf, 1], [0, 0, np.nan, 1]):
+        assert np.isnan(quaternion_yaw(*broken))

@@ -8,6 +8,7 @@ import pytest
 from cli_runner import check_wrong_use, run_cli
 
 from mirte_drake.cli import commands
+from mirte_drake.scenario import scenario_names
 
 QUICK = ["--set", "duration=0.5", "--no-plots"]
 
@@ -62,6 +63,12 @@ def test_diagram_writes_three_formats(tmp_path, capsys):
     assert len(out.splitlines()) == 3
 
 
+def test_diagram_draws_all_scenarios(tmp_path, capsys):
+    code, _, _ = run_cli(capsys, "diagram", "--all", "--depth", 1, "--output", tmp_path)
+    assert code == 0
+    assert {p.name for p in tmp_path.glob("*.svg")} == {f"{name}.svg" for name in scenario_names()}
+
+
 @pytest.mark.parametrize("command", ["", *commands.commands])
 def test_every_command_has_help(command, capsys):
     code, out, _ = run_cli(capsys, *filter(None, [command]), "--help")
@@ -87,6 +94,8 @@ def test_every_command_has_help(command, capsys):
         (["simulate", "rectangle", "--fast"], ["--fast"]),
         (["diagram", "rectangle", "--depth", "0"], ["--depth"]),
         (["diagram", "nothing"], ["nothing"]),
+        (["diagram"], ["NAME", "--all"]),
+        (["diagram", "rectangle", "--all"], ["NAME", "--all"]),
         (["drive_home"], ["drive_home"]),
     ],
 )  # fmt: skip

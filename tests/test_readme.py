@@ -1,12 +1,11 @@
 """The README is true: its commands run, its numbers are those that its command gives."""
 
 import re
-import shlex
 from pathlib import Path
 
+import pages
 import pytest
 
-from mirte_drake.cli import main
 from mirte_drake.comparison import (
     SCENARIOS,
     comparison,
@@ -24,11 +23,11 @@ from mirte_drake.robots.names import ROBOTS, robot_override
 from mirte_drake.run import simulate, summarise
 from mirte_drake.scenario import load_scenario, scenario_names
 
-README = (Path(__file__).parents[1] / "README.md").read_text()
+README_FILE = Path(__file__).parents[1] / "README.md"
+README = README_FILE.read_text()
 TABLE = README.split("<!-- results", 1)[1].split("\n\n", 1)[0]
 COMPARISON = README.split("<!-- comparison", 1)[1].split("```")[1]
 ROWS = dict(re.findall(r"^\| (\w+) \| (\d.*) \|$", TABLE, re.M))
-COMMANDS = re.findall(r"^    (mirte-drake .*)$", README, re.M)
 
 
 def check(name: str, rmse: list[str], outside: str, *overrides: str) -> None:
@@ -100,33 +99,55 @@ def test_the_comparison_is_what_the_command_gives(scenario):
                 assert number == value
 
 
-def test_every_command_runs(tmp_path, monkeypatch, capsys):
+def test_every_block_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    (own,) = re.findall(r"```yaml\n# (\S+)\n(.*?)```", README, re.S)
-    (tmp_path / own[0]).write_text(own[1])
     excitation = ExcitationConfig(duration=20.0, random_duration=10.0)
     run = synthetic_recording(config=SyntheticRecordingConfig(excitation))
     save_csv(run, tmp_path / "run.csv")
     save_csv(run, tmp_path / "other_run.csv")
-    # The parsing and the wiring as written, the runs shorter.
-    shorter = {
-        "simulate": "--set duration=0.3 --no-plots",
-        "collect": "--duration 20",
-        "benchmark": "--quick --solver realtime --solver converged",
-        "compare": "--runs 1 --scenario baseline_circle --set duration=0.3",
-    }
-    assert len(COMMANDS) == 23
-    for command in COMMANDS:
-        arguments = shlex.split(command)[1:]
-        main([*arguments, *shorter.get(arguments[0], "").split()])
+    every = pages.blocks(README_FILE)
+    assert sum(len(block.commands) for block in every) == 41
+    assert not any(block.not_run for block in every)
+    with pages.Reader() as reader:
+        for block in every:
+            reader.run(block)
     assert (tmp_path / "my_circle" / "summary.json").is_file()
     assert (tmp_path / "mine.yaml").is_file()
     assert (tmp_path / "fleet" / "weak_wheels.yaml").is_file()
+    assert (tmp_path / "runs" / "rectangle" / "drive.mcap").is_file()
+    assert "zeros sent" in capsys.readouterr().out
+
+
+def newcomers_steps() -> list[list[str]]:
+    """Returns the commands of every step from nothing to a controller of one's own."""
+    (text,) = re.findall(r"<!-- steps: .*-->\n```sh\n(.*?)```", README, re.S)
+    return [step.splitlines()[1:] for step in re.split(r"^(?=# )", text, flags=re.M)[1:]]
+
+
+def test_every_step_of_a_newcomer_is_at_most_two_commands():
+    assert [len(step) for step in newcomers_steps()] == [1, 1, 1, 1, 2, 1]
+
+
+@pytest.mark.slow
+def test_a_newcomer_gets_there_in_an_empty_folder(tmp_path, monkeypatch, capsys):
+    """With the README alone, nothing shortened, and a recording of one's own."""
+    monkeypatch.chdir(tmp_path)
+    save_csv(synthetic_recording(), tmp_path / "run.csv")
+    with pages.Reader(short=False) as reader:
+        for block in pages.blocks(README_FILE):
+            if block.file == "own_path.scenario.yaml":
+                reader.run(block)
+        for step in newcomers_steps():
+            for command in step:
+                reader.run_command(command)
+    assert (tmp_path / "runs" / "own_path" / "path.png").is_file()
+    assert (tmp_path / "runs" / "own_path" / "replay.html").is_file()
+    assert "dx/dt" in capsys.readouterr().out
 
 
 def test_links_lead_somewhere():
     root = Path(__file__).parents[1]
     links = [link for link in re.findall(r"\]\(([^)]+)\)", README) if "://" not in link]
-    assert len(links) > 6
+    assert len(links) > 10
     for link in links:
         assert (root / link).exists(), link

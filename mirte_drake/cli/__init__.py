@@ -12,10 +12,17 @@ from mirte_drake.cli import (  # noqa: F401 They add their commands.
     benchmark,
     collection,
     comparison,
+    doctor,
+    faults,
+    figures,
     identification,
+    replay,
+    report,
     robot_export,
     robot_fit,
     simulation,
+    watch,
+    wire,
 )
 from mirte_drake.cli.options import commands
 from mirte_drake.errors import UserError

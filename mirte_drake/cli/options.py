@@ -1,12 +1,22 @@
 """The command group, and what its commands share."""
 
+import re
+import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import NoReturn
 
 import click
 
 import mirte_drake
-from mirte_drake.robots.names import ROBOTS, robot_override
+from mirte_drake.robots.names import ROBOTS, TRANSPORTS, robot_override
+
+
+def fail(message: str) -> NoReturn:
+    """Ends the command as failed, with one line."""
+    click.echo(f"Error: {message}", err=True)
+    sys.exit(1)
+
 
 output_option = click.option(
     "--output",
@@ -48,6 +58,28 @@ robot_option = click.option(
     type=click.Choice(ROBOTS),
     callback=_as_override,
     help="Another robot than the scenario's: short for --set robot=!KindRobotConfig {}.",
+)
+
+transport_option = click.option(
+    "--transport",
+    type=click.Choice(TRANSPORTS),
+    callback=_as_override,
+    help="Wire of the robot, unless the scenario has it: --set robot=!KindRobotConfig {}.",
+)
+
+
+def _as_wire_overrides(_: click.Context, __: click.Parameter, wire: tuple[str, ...]) -> list[str]:
+    # A URL is no plain YAML where it stands within braces.
+    quoted = [re.sub(r'^url=([^"\'].*)$', r'url="\1"', change) for change in wire]
+    return [f"robot.wire.{change}" for change in quoted]
+
+
+wire_option = click.option(
+    "--wire",
+    multiple=True,
+    metavar="FIELD=VALUE",
+    callback=_as_wire_overrides,
+    help="Changes one setting of the wire, as domain=7 or interface=eth0. May be given many times.",
 )
 
 

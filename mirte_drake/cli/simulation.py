@@ -5,7 +5,14 @@ from pathlib import Path
 
 import click
 
-from mirte_drake.cli.options import commands, output_option, robot_option, set_option
+from mirte_drake.cli.options import (
+    commands,
+    output_option,
+    robot_option,
+    set_option,
+    transport_option,
+    wire_option,
+)
 
 
 @commands.command()
@@ -24,7 +31,8 @@ def scenarios() -> None:
 )
 @robot_option
 @set_option
-@click.option("--no-plots", is_flag=True, help="Leaves the figures out.")
+@click.option("--no-plots", is_flag=True, help="Leaves figures and report out.")
+@click.option("--replay", is_flag=True, help="Makes a page that plays the run in 3-D, too.")
 @output_option
 def simulate(
     name: str,
@@ -32,14 +40,17 @@ def simulate(
     robot: tuple[str, ...],
     overrides: tuple[str, ...],
     no_plots: bool,
+    replay: bool,
     output: Path | None,
 ) -> None:
     """Runs the scenario NAME, or the one in a YAML file, and writes what came out.
 
-    Writes summary.json, log.npz, the scenario as it was run, and figures as PDF, SVG and PNG.
+    Writes summary.json, log.npz, the scenario as it was run, figures as PDF, SVG and PNG, and
+    report.html, which has all of it in one page.
     """
     from mirte_drake.files import replacing_results
-    from mirte_drake.run import RUN_FILES, save_run
+    from mirte_drake.reporting import REPORT_FILE, save_report
+    from mirte_drake.run import REPLAY_FILE, RUN_FILES, save_run
     from mirte_drake.run import simulate as run_scenario
     from mirte_drake.scenario import load_scenario, scenario_stem
     from mirte_drake.visualization.figures import FIGURE_FILES, save_figures
@@ -49,18 +60,26 @@ def simulate(
     scenario = load_scenario(name, (*robot, *overrides))
     stem = scenario_stem(name)
     folder = output or Path("runs") / stem
-    with replacing_results(folder, (*RUN_FILES, *FIGURE_FILES)) as results:
+    owned = (*RUN_FILES, *FIGURE_FILES, REPLAY_FILE, REPORT_FILE)
+    with replacing_results(folder, owned) as results:
         with click.progressbar(length=scenario.steps, label=stem, file=sys.stderr) as bar:
             run = run_scenario(scenario, stem, on_sample=lambda: bar.update(1))
         summary = save_run(run, results)
         if not no_plots:
             save_figures(run.log, results, input_limit=scenario.input_limit)
-    click.echo(_table(summary, tube=scenario.tube_updater is not None))
+        if replay:
+            from mirte_drake.replay import write_replay
+
+            write_replay(results, results / REPLAY_FILE)
+        if not no_plots:
+            save_report(results)  # Has the replay in it.
+    click.echo(summary_table(summary, tube=scenario.tube_updater is not None))
     click.echo(f"Written to {folder}")
 
 
 @commands.command()
-@click.argument("name")
+@click.argument("name", required=False)
+@click.option("--all", "everything", is_flag=True, help="Draws every scenario of the package.")
 @click.option(
     "--depth",
     type=click.IntRange(min=1),
@@ -69,36 +88,52 @@ def simulate(
     help="1 draws the controller as one block, 2 looks into it.",
 )
 @robot_option
+@transport_option
+@wire_option
 @set_option
 @output_option
 def diagram(
-    name: str,
+    name: str | None,
+    everything: bool,
     depth: int,
     robot: tuple[str, ...],
+    transport: tuple[str, ...],
+    wire: tuple[str, ...],
     overrides: tuple[str, ...],
     output: Path | None,
 ) -> None:
-    """Draws the Diagram of the scenario NAME: NAME.svg, NAME.png and NAME.dot."""
+    """Draws the Diagram of the scenario NAME: NAME.svg, NAME.png and NAME.dot.
+
+    The SVG adapts itself to a light or a dark screen.
+    """
     from mirte_drake.assembly import MakeDiagram
-    from mirte_drake.scenario import load_scenario, scenario_stem
+    from mirte_drake.scenario import load_scenario, scenario_names, scenario_stem
     from mirte_drake.visualization.diagram_picture import save_diagram_picture
 
-    scenario = load_scenario(name, (*robot, *overrides))
-    stem = (output or Path("diagrams")) / scenario_stem(name)
-    for path in save_diagram_picture(MakeDiagram(scenario), stem, depth):
-        click.echo(path)
+    if (name is None) != everything:
+        raise click.UsageError("give the NAME of a scenario, or --all")
+    for each in scenario_names() if name is None else [name]:
+        scenario = load_scenario(each, (*robot, *transport, *overrides, *wire))
+        stem = (output or Path("diagrams")) / scenario_stem(each)
+        for path in save_diagram_picture(MakeDiagram(scenario), stem, depth):
+            click.echo(path)
 
 
-def _table(summary: dict, tube: bool) -> str:
+def summary_table(summary: dict, tube: bool) -> str:
     """Returns the summary for a person to read."""
     rmse, true = summary["rmse"], summary["true_rmse"]
+
+    def error(key: str, unit: str) -> str:
+        really = f", true {true[key]:.4f} {unit}" if true else ""
+        return f"{rmse[key]:.4f} {unit}{really}"
+
     solve, feedback = summary["solve_time_ms"], summary["feedback_time_ms"]
     rows = [
         ("scenario", f"{summary['scenario']}, seed {summary['seed']}"),
         ("samples", f"{summary['steps']} ({summary['simulated_time_s']:.1f} s)"),
-        ("RMSE x", f"{rmse['x_m']:.4f} m, true {true['x_m']:.4f} m"),
-        ("RMSE y", f"{rmse['y_m']:.4f} m, true {true['y_m']:.4f} m"),
-        ("RMSE yaw", f"{rmse['yaw_rad']:.4f} rad, true {true['yaw_rad']:.4f} rad"),
+        ("RMSE x", error("x_m", "m")),
+        ("RMSE y", error("y_m", "m")),
+        ("RMSE yaw", error("yaw_rad", "rad")),
         ("solver", f"{summary['solver']}, {summary['solve_failures']} failures"),
         (
             "solve time",
@@ -113,6 +148,19 @@ def _table(summary: dict, tube: bool) -> str:
             f"{summary['rate_violations']} samples, {summary['rate_relaxations']} to meet bounds",
         ),
         ("ended early", f"{summary['early_solves']} solves"),
+        *_wire_rows(summary.get("wire")),
         ("wall time", f"{summary['wall_time_s']:.1f} s"),
     ]
     return "\n".join(f"{label:22}{value}" for label, value in rows)
+
+
+def _wire_rows(wire: dict | None) -> list[tuple[str, str]]:
+    """Returns what a wire adds to the table."""
+    if wire is None:
+        return []
+    latency, age = wire["command_latency_ms"], wire["odometry_age_ms"]
+    return [
+        ("odometry to command", f"{latency['p50']:.2f} ms median, {latency['p99']:.2f} ms p99"),
+        ("age of odometry", f"{age['p50']:.2f} ms median, {age['p99']:.2f} ms p99"),
+        ("missed odometry", f"{wire['missed_odometry']} samples"),
+    ]

@@ -39,6 +39,22 @@ def rotated_bound(bound: np.ndarray, yaw: float) -> np.ndarray:
     return np.abs(rotation(yaw)) @ bound
 
 
+def stage_disturbances(
+    bound: np.ndarray, designs: Sequence[DlqrDesign], period: float, *, rotated: bool
+) -> np.ndarray:
+    """Returns T_s w (S, n) of each stage: what a sample's disturbance does at most.
+
+    Args:
+        bound: (n,) w_max, body frame.
+        designs: S of them, whose yaw says how the body frame is turned.
+        period: [s] T_s.
+        rotated: Whether the bound is turned into the world frame; else it is taken as it is.
+    """
+    if not rotated:
+        return np.tile(period * bound, (len(designs), 1))
+    return np.array([period * rotated_bound(bound, design.yaw) for design in designs])
+
+
 def horizon_half_widths(
     half_width: np.ndarray, designs: Sequence[DlqrDesign], disturbances: np.ndarray
 ) -> np.ndarray:

@@ -51,12 +51,14 @@ class Link(ABC):
     Attributes:
         role: Who is at this end; it decides which messages come and may be sent.
         malformed: Messages dropped so far because they could not be decoded.
+        exposure: Who beyond this machine can speak here, in words; empty: nobody.
     """
 
     def __init__(self, role: Role) -> None:
         """Begins with empty inboxes."""
         self.role = role
         self.malformed = 0
+        self.exposure = ""
         self._inboxes: dict[type, deque[Any]] = {
             kind: deque(maxlen=INBOX) for kind in RECEIVES[role]
         }

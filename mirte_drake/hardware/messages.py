@@ -75,4 +75,6 @@ class PlanView:
     half_width: np.ndarray  # (3,) [m, m, rad] d_k; zeros without a tube.
 
 
+NOTHING: tuple = ()  # On a Drake port where there is no message yet; Drake 1.58 takes no None.
+
 Message = Odometry | WheelCommand | DriveCommand | GuardStatus | OperatorRequest | PlanView

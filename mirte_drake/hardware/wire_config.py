@@ -3,6 +3,7 @@
 import dataclasses as dc
 
 from mirte_drake.checks import check_choice, check_number
+from mirte_drake.errors import UserError
 from mirte_drake.hardware.link import Link, Role
 
 MOTOR_TYPES = ("auto", "Int32", "SetSpeed")
@@ -60,6 +61,10 @@ def open_link(config: WireConfig, role: Role) -> Link:
     """
     config.validate()
     if isinstance(config, Ros2WireConfig):
+        try:
+            import cyclonedds  # noqa: F401
+        except ImportError:
+            raise UserError("needs the package cyclonedds: pip install mirte-drake[ros2]") from None
         from mirte_drake.hardware.ros2_link import Ros2Link
 
         return Ros2Link(config, role)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mirte_drake.angles import quaternion_yaw
 from mirte_drake.errors import UserError
 from mirte_drake.identification.recorded_run import RecordedRun, repaired
 from mirte_drake.vectors import WHEELS
@@ -137,17 +138,8 @@ def _field(message: Any) -> str:  # noqa: ANN401
 
 def _pose(message: Any) -> list[float]:  # noqa: ANN401
     """Returns x, y [m] and the yaw [rad] of the quaternion, nan for one of length zero."""
-    position, orientation = message.pose.pose.position, message.pose.pose.orientation
-    q = np.array([orientation.w, orientation.x, orientation.y, orientation.z])
-    length = np.max(np.abs(q))
-    if not 0 < length < np.inf:
-        return [position.x, position.y, np.nan]
-    w, x, y, z = q / length
-    return [
-        position.x,
-        position.y,
-        float(np.arctan2(2 * (w * z + x * y), w**2 + x**2 - y**2 - z**2)),
-    ]
+    position, q = message.pose.pose.position, message.pose.pose.orientation
+    return [position.x, position.y, quaternion_yaw(q.x, q.y, q.z, q.w)]
 
 
 def _checksum(path: Path) -> str:

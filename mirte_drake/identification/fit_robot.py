@@ -8,11 +8,13 @@ How much the wheels may differ from each other is chosen on blocks of the record
 out of the fit. A recording that is to validate the result has no part in it.
 
 A recording of commands and odometry does not tell everything. Fixed, not fitted, are
-    the mass: only the ratios of forces to it are seen;
-    the wheels' viscous friction D_v: it acts as more motor damping with less gain, so that
-    ``motor_damping`` is beta + D_v / R of (2-13);
-    the deadband: it acts as Coulomb friction does;
-    motor lag and delay: they lie below a sample, and held-out errors are as good without.
+
+- the mass: only the ratios of forces to it are seen;
+- the wheels' viscous friction D_v: it acts as more motor damping with less gain, so that
+  ``motor_damping`` is beta + D_v / R of (2-13);
+- the deadband: it acts as Coulomb friction does;
+- motor lag and delay: they lie below a sample, and held-out errors are as good without.
+
 A weak pull towards the start keeps what the data hardly tell, such as sliding beside static
 friction, from running away.
 """

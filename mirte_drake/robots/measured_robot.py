@@ -28,6 +28,7 @@ def MakeMeasuredRobot(
         - pose
         - body_velocity
         - true_pose
+        - wheel_angles
         - geometry_query
 
     ==================  ===========  ==================  =======================================
@@ -38,6 +39,7 @@ def MakeMeasuredRobot(
     pose                vector (3,)  [m, m, rad]         of odometry, world frame, yaw unwrapped
     body_velocity       vector (3,)  [m/s, m/s, rad/s]   of odometry, mean over its last period
     true_pose           vector (3,)  [m, m, rad]         world frame, yaw unwrapped
+    wheel_angles        vector (4,)  [rad]               turned since the start
     geometry_query      abstract     -                   of a multibody robot, for a visualizer
     ==================  ===========  ==================  =======================================
 
@@ -74,10 +76,11 @@ def MakeMeasuredRobot(
     builder.ExportInput(ports.wheel_command, "wheel_command")
     if ports.disturbance is not None:
         builder.ExportInput(ports.disturbance, "disturbance")
-    assert ports.true_pose is not None
+    assert ports.true_pose is not None and ports.wheel_angles is not None
     builder.ExportOutput(ports.pose, "pose")
     builder.ExportOutput(ports.body_velocity, "body_velocity")
     builder.ExportOutput(ports.true_pose, "true_pose")
+    builder.ExportOutput(ports.wheel_angles, "wheel_angles")
     robot = builder.Build()
     robot.set_name(name)
     return robot
@@ -116,6 +119,7 @@ def _ports(robot: System, measured: System) -> RobotPorts:
         pose=measured.GetOutputPort("pose"),
         body_velocity=measured.GetOutputPort("body_velocity"),
         true_pose=robot.GetOutputPort("true_pose"),
+        wheel_angles=robot.GetOutputPort("wheel_angles"),
         disturbance=robot.GetInputPort("disturbance")
         if robot.HasInputPort("disturbance")
         else None,

@@ -79,6 +79,17 @@ def AddMultibodyRobot(
 ) -> Diagram:
     """Adds the multibody robot to ``builder`` and returns its Diagram.
 
+    .. pydrake_system::
+
+        name: MultibodyRobot
+        input_ports:
+        - wheel_command
+        output_ports:
+        - true_pose
+        - true_body_velocity
+        - wheel_angles
+        - geometry_query
+
     ==================  ===========  ==================  ========================================
     port                type         unit                meaning
     ==================  ===========  ==================  ========================================

@@ -10,8 +10,11 @@ from mirte_drake.control.reference_paths import (
     VelocityLegsPath,
     window,
 )
+from mirte_drake.control.waypoint_path import WaypointPath
 
-ReferencePathConfig = RectanglePath | CirclePath | VelocityLegsPath | VelocityCirclePath
+ReferencePathConfig = (
+    RectanglePath | CirclePath | VelocityLegsPath | VelocityCirclePath | WaypointPath
+)
 
 
 class ReferenceSource(LeafSystem):

@@ -14,7 +14,7 @@ from pydrake.systems.framework import (
 
 from mirte_drake.checks import check_array, check_choice, check_number
 from mirte_drake.control.dlqr import DlqrDesign
-from mirte_drake.control.tube import horizon_half_widths, rotated_bound, tighten
+from mirte_drake.control.tube import horizon_half_widths, stage_disturbances, tighten
 
 
 @dc.dataclass
@@ -110,16 +110,13 @@ class TubeUpdater(LeafSystem):
         self.DeclareStateOutputPort("input_upper", self._upper)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
-    def _disturbances(self, w_max: np.ndarray, designs: tuple[DlqrDesign, ...]) -> np.ndarray:
-        if self._config.disturbance_frame == "published":
-            return np.tile(self._period * w_max, (len(designs), 1))
-        return np.array([self._period * rotated_bound(w_max, design.yaw) for design in designs])
-
     def _update(self, context: Context, next_state: DiscreteValues) -> None:
         designs: tuple[DlqrDesign, ...] = self._designs_input.Eval(context)
         d = context.get_discrete_state(self._half_width).value()
         w_max = context.get_numeric_parameter(int(self._w_max)).value()
-        widths = horizon_half_widths(d, designs, self._disturbances(w_max, designs))
+        rotated = self._config.disturbance_frame == "rotated"
+        disturbances = stage_disturbances(w_max, designs, self._period, rotated=rotated)
+        widths = horizon_half_widths(d, designs, disturbances)
         used = widths[:-1] if self._config.tightening_half_width == "current" else widths[1:]
         bounds = [
             tighten(-self._limit, self._limit, design.gain, width)

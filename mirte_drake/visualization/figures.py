@@ -13,17 +13,29 @@ from matplotlib.patches import Rectangle
 
 from mirte_drake.angles import pose_error
 from mirte_drake.vectors import WHEELS
-from mirte_drake.visualization.style import ACTUAL, FORMATS, NOMINAL, REFERENCE, write_figures
+from mirte_drake.visualization.style import (
+    ACTUAL,
+    FORMATS,
+    NOMINAL,
+    REFERENCE,
+    TRUE,
+    path_size,
+    set_time_axis,
+    write_figures,
+)
 
 Log = Mapping[str, np.ndarray]
 
 FIGURES = ("path", "errors", "wheel_commands")
 FIGURE_FILES = tuple(f"{name}.{suffix}" for name in FIGURES for suffix in FORMATS)
 
+_SYMBOLS, _UNITS = ("x", "y", r"\theta"), ("m", "m", "rad")  # Of a pose.
+
 
 def path_figure(log: Log) -> Figure:
     """Draws reference, nominal and actual path, and the tube box of every sample."""
-    figure = Figure(figsize=(5.2, 4.4), layout="compressed")
+    shown = np.concatenate([log["reference"], log["pose"], log.get("true_pose", log["pose"])])
+    figure = Figure(figsize=path_size(shown[:, :2]), layout="compressed")
     axes = figure.subplots()
     center, half = log["nominal_pose"][:, :2], log["half_width"][:, :2]
     if np.any(half > 0):
@@ -40,27 +52,40 @@ def path_figure(log: Log) -> Figure:
         )
     axes.plot(*log["reference"][:, :2].T, label="reference", zorder=3, **REFERENCE)
     axes.plot(*center.T, label="nominal", zorder=4, **NOMINAL)
-    axes.plot(*log["pose"][:, :2].T, label="actual", zorder=5, **ACTUAL)
+    true_pose = _true_pose(log)
+    label = "actual" if true_pose is None else "measured"
+    axes.plot(*log["pose"][:, :2].T, label=label, zorder=5, **ACTUAL)
+    if true_pose is not None:
+        axes.plot(*true_pose[:, :2].T, label="true", zorder=5, **TRUE)
     axes.plot(*log["pose"][0, :2], "o", color="black", ms=4, zorder=6, label="start")
     axes.set(xlabel="$x$ [m]", ylabel="$y$ [m]", aspect="equal")
-    figure.legend(loc="outside upper center", ncols=5)
+    figure.legend(loc="outside upper center", ncols=5 if true_pose is None else 3)
     return figure
 
 
 def error_figure(log: Log) -> Figure:
     """Draws the tracking errors over time, with their RMSE in the titles."""
     figure = Figure(figsize=(5.2, 4.6), layout="constrained")
-    error = pose_error(log["pose"], log["reference"])
-    rmse = np.sqrt(np.mean(error**2, axis=0))
-    rows = zip(("x", "y", r"\theta"), ("m", "m", "rad"), error.T, rmse, strict=True)
+    curves = [(log["pose"], ACTUAL, "measured", "")]
+    true_pose = _true_pose(log)
+    if true_pose is not None:
+        curves.append((true_pose, TRUE, "true", ", true "))
     panels = figure.subplots(3, 1, sharex=True)
-    for axes, (symbol, unit, values, value) in zip(panels, rows, strict=True):
+    titles = ["RMSE "] * len(panels)
+    for pose, line, label, word in curves:
+        error = pose_error(pose, log["reference"])
+        rmse = np.sqrt(np.mean(error**2, axis=0))
+        for entry, (axes, unit) in enumerate(zip(panels, _UNITS, strict=True)):
+            axes.plot(log["time"], error[:, entry], label=label, zorder=3, **line)
+            titles[entry] += f"{word}{rmse[entry]:.4f} {unit}"
+    for axes, symbol, unit, title in zip(panels, _SYMBOLS, _UNITS, titles, strict=True):
         axes.axhline(0.0, color="black", lw=0.6)
-        axes.plot(log["time"], values, **ACTUAL)
         axes.set(ylabel=rf"${symbol}-{symbol}_{{\mathrm{{ref}}}}$ [{unit}]")
-        axes.set_title(f"RMSE {value:.4f} {unit}", loc="right", fontsize=9)
-    panels[-1].set_xlabel("time [s]")
-    panels[-1].set_xlim(log["time"][0], log["time"][-1])
+        axes.set_title(title, loc="right", fontsize=9)
+    if true_pose is not None:
+        handles = panels[0].get_legend_handles_labels()
+        figure.legend(*handles, loc="outside upper center", ncols=2)
+    set_time_axis(panels[-1], log["time"])
     figure.align_ylabels()
     return figure
 
@@ -83,8 +108,7 @@ def input_figure(log: Log, input_limit: float) -> Figure:
         axes.set_ylim(-1.12 * input_limit, 1.12 * input_limit)
         axes.set_ylabel(f"$u_{wheel + 1}$ [%]")
         axes.set_title(WHEELS[wheel].replace("_", " "), loc="right", fontsize=9)
-    panels[-1].set_xlabel("time [s]")
-    panels[-1].set_xlim(time[0], time[-1])
+    set_time_axis(panels[-1], time)
     figure.align_ylabels()
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     return figure
@@ -110,3 +134,9 @@ def save_figures(log: Log, folder: Path, *, input_limit: float) -> list[Path]:
         lambda: input_figure(log, input_limit),
     )
     return write_figures(dict(zip(FIGURES, draw, strict=True)), folder)
+
+
+def _true_pose(log: Log) -> np.ndarray | None:
+    """Returns where the robot really was, where that is known and not what was measured."""
+    true_pose = log.get("true_pose")
+    return None if true_pose is None or np.array_equal(true_pose, log["pose"]) else true_pose

@@ -140,7 +140,7 @@ def save_validation_figures(
     """Writes the figures of a validation run (3-3, 3-4) as PDF, SVG and PNG.
 
     Returns:
-        The files written: ``name``_pose, ``name``_velocity.
+        The files written, of which names end in _pose and _velocity.
 
     Raises:
         UserError: when the folder cannot be written, or there are more models than line styles.

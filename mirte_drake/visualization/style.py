@@ -8,13 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mirte_drake.files import replacing
 
 FORMATS = ("pdf", "svg", "png")
 
-_RC_PARAMS: dict[Any, Any] = {
+RC_PARAMS: dict[Any, Any] = {
     "font.family": "STIXGeneral",
     "font.size": 9,
     "mathtext.fontset": "stix",
@@ -30,6 +32,7 @@ _RC_PARAMS: dict[Any, Any] = {
 Line = Mapping[str, Any]  # Keyword arguments of ``Axes.plot``.
 
 ACTUAL: Line = {"color": "#b2182b", "lw": 1.3, "ls": "-"}
+TRUE: Line = {"color": "#1b7837", "lw": 1.2, "ls": (0, (2, 1))}
 NOMINAL: Line = {"color": "#2166ac", "lw": 1.1, "ls": "-."}
 REFERENCE: Line = {"color": "black", "lw": 1.0, "ls": (0, (5, 3))}
 MEASURED: Line = {"color": "black", "lw": 1.2, "ls": "-"}
@@ -50,6 +53,23 @@ SOLVERS: tuple[Line, ...] = (  # One for each solver that is compared.
     {"color": "#762a83", "lw": 1.1, "ls": (0, (3, 1, 1, 1, 1, 1)), "marker": "D", "ms": 3.5},
     {"color": "#1b7837", "lw": 1.1, "ls": (0, (10, 3)), "marker": "P", "ms": 4.5},
 )
+# One for each of several settings of which runs are compared.
+COMPARED: tuple[Line, ...] = tuple(
+    {key: line[key] for key in ("color", "lw", "ls")} for line in SOLVERS
+)
+
+
+def path_size(path: np.ndarray) -> tuple[float, float]:
+    """Returns a figure's size [inches] for a path (N, 2) drawn to scale, with its legend."""
+    width, height = np.maximum(np.ptp(path, axis=0), 1e-9)
+    return 5.2, float(np.clip(1.0 + 5.0 * height / width, 2.2, 4.4))
+
+
+def set_time_axis(axes: Axes, time: np.ndarray) -> None:
+    """Labels the time axis [s] and lets it end with the samples, of which there may be one."""
+    axes.set_xlabel("time [s]")
+    if len(time) > 1:
+        axes.set_xlim(time[0], time[-1])
 
 
 def write_figures(figures: Mapping[str, Callable[[], Figure]], folder: Path) -> list[Path]:
@@ -66,7 +86,7 @@ def write_figures(figures: Mapping[str, Callable[[], Figure]], folder: Path) -> 
         UserError: when the folder cannot be written.
     """
     paths = []
-    with matplotlib.rc_context(_RC_PARAMS):
+    with matplotlib.rc_context(RC_PARAMS):
         for name, draw in figures.items():
             figure = draw()
             for suffix in FORMATS:

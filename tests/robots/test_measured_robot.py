@@ -42,7 +42,7 @@ def test_ports_are_the_documented_ones(name):
     outputs = {dut.get_output_port(i).get_name() for i in range(dut.num_output_ports())}
     bodies = name == "multibody_robot"
     assert inputs == {"wheel_command"} | (set() if bodies else {"disturbance"})
-    assert outputs == {"pose", "body_velocity", "true_pose"} | (
+    assert outputs == {"pose", "body_velocity", "true_pose", "wheel_angles"} | (
         {"geometry_query"} if bodies else set()
     )
     for port in ("pose", "body_velocity", "true_pose"):

@@ -76,3 +76,25 @@ def test_the_same_log_gives_the_same_files(logs, tmp_path):
     assert len(files) == 9
     for name in files:
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
+
+
+def test_where_the_robot_really_was_is_drawn_only_where_it_differs(logs):
+    log = logs["rectangle"]
+    elsewhere = {**log, "true_pose": log["pose"] + [0.1, 0.2, 0.3]}
+    (axes,) = path_figure(elsewhere).axes
+    np.testing.assert_array_equal(line(axes, "true").get_xydata(), elsewhere["true_pose"][:, :2])
+    assert line(axes, "measured") is not None
+    panels = error_figure(elsewhere).axes
+    error = line(panels[2], "true").get_ydata() - line(panels[2], "measured").get_ydata()
+    np.testing.assert_allclose(error, 0.3)
+    assert ", true " in panels[0].get_title(loc="right")
+    unknown = {key: value for key, value in log.items() if key != "true_pose"}  # On a wire.
+    for same in (log, unknown):
+        labels = [item.get_label() for item in path_figure(same).axes[0].get_lines()]
+        assert "actual" in labels and "true" not in labels
+
+
+def test_a_flat_path_has_a_flat_figure(logs):
+    log = logs["rectangle"]  # Two seconds: a straight line.
+    round_ = {**log, "pose": np.random.default_rng(1).normal(size=(21, 3))}
+    assert path_figure(log).get_figheight() < 0.6 * path_figure(round_).get_figheight()

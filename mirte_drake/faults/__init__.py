@@ -1,0 +1,1 @@
+"""A campaign of faults against the drive over a wire: what must happen, and what does."""

@@ -1,0 +1,107 @@
+"""One trial of the campaign: a drive, a fault, and what comes of it."""
+
+import dataclasses as dc
+import time
+import zlib
+
+import numpy as np
+
+from mirte_drake.errors import UserError
+from mirte_drake.faults.bench import Bench
+from mirte_drake.faults.evaluation import Verdict, judge
+from mirte_drake.faults.kind import Kind
+from mirte_drake.faults.kinds import SCENARIO, find_kind
+from mirte_drake.faults.record import Record
+from mirte_drake.robots.names import robot_override
+from mirte_drake.scenario import Scenario, load_scenario
+
+PATIENCE = 10.0  # [s] For the drive to begin.
+FIRST_DOMAIN, DOMAINS = 20, 60  # Of DDS: those above 100 have ports that others are given.
+FIRST_PORT, PORTS = 17_000, 2_000  # Of LCM.
+
+
+@dc.dataclass(frozen=True)
+class Trial:
+    """One trial: what, where and with which seed."""
+
+    kind: str
+    transport: str  # "ros2" or "lcm"
+    seed: int
+    run: int
+    number: int  # Of the trial in its campaign: it gets a wire of its own.
+
+    @property
+    def own_guard(self) -> bool:
+        """Whether the controller starts the guard; it does in every other run."""
+        return self.run % 2 == 0
+
+
+@dc.dataclass(frozen=True)
+class Outcome:
+    """What came of a trial."""
+
+    trial: Trial
+    verdict: Verdict
+    fault: float = np.nan  # [s] after the drive began.
+    starved: float = np.nan  # [s] Longest that one of the processes got no processor.
+    timeline: tuple[str, ...] = ()  # Of a trial that failed.
+
+
+def run_trial(trial: Trial) -> Outcome:
+    """Runs a trial in real time; a failure of the trial itself is one of its problems."""
+    kind = find_kind(trial.kind)
+    # A fault is the same in each trial of a kind and seed, whatever else runs.
+    rng = np.random.default_rng([trial.seed, trial.run, zlib.crc32(kind.name.encode())])
+    scenario, robot = scenarios(trial, kind)
+    try:
+        with Bench(
+            scenario,
+            robot,
+            kind.sabotage,
+            kind.strangers,
+            rng,
+            own_guard=trial.own_guard and not kind.deafens,
+            deafens=kind.deafens,
+        ) as bench:
+            record = observe(bench, kind, rng)
+    except Exception as error:  # Of whatever kind: the campaign goes on.
+        return Outcome(trial, Verdict(False, np.nan, "", (f"the trial failed: {error!r}",)))
+    verdict = judge(record, kind.oracle(record), within=kind.within, reasons=kind.reasons)
+    if not np.isfinite(record.fault):
+        verdict = dc.replace(verdict, problems=(f"the drive did not begin ({record.ended})",))
+    elif not kind.took_place(record):
+        verdict = dc.replace(verdict, problems=(*verdict.problems, "the fault did not take place"))
+    starved = max(record.starved.values(), default=np.nan)
+    timeline = () if verdict.passed else tuple(record.timeline())
+    return Outcome(trial, verdict, record.fault - record.start, starved, timeline)
+
+
+def scenarios(trial: Trial, kind: Kind) -> tuple[Scenario, Scenario]:
+    """Returns what is driven, and whose robot is on the wire."""
+    wire = {
+        "ros2": f"robot.wire.domain={FIRST_DOMAIN + trial.number % DOMAINS}",
+        "lcm": f"robot.wire.url='udpm://239.255.76.67:{FIRST_PORT + trial.number % PORTS}?ttl=0'",
+    }
+    if trial.transport not in wire:
+        raise UserError(f"transport: must be one of {', '.join(wire)}, got {trial.transport!r}")
+    seed = f"seed={trial.run}"
+    driven = (robot_override(trial.transport), wire[trial.transport], seed, *kind.overrides)
+    return load_scenario(SCENARIO, driven), load_scenario(SCENARIO, [seed])
+
+
+def observe(bench: Bench, kind: Kind, rng: np.random.Generator) -> Record:
+    """Drives, lets the fault in, and returns what was seen."""
+    if kind.from_start:
+        bench.robot.fault = kind.odometry
+    if not bench.begin(PATIENCE):
+        return bench.finish()
+    bench.run(bench.record.start + rng.uniform(*kind.begin))
+    bench.record.fault = fault = time.monotonic()
+    bench.robot.fault = kind.odometry
+    if kind.sabotage is not None:
+        bench.orders.begin()
+    for step in sorted(kind.steps, key=lambda step: step.after):
+        bench.run(fault + step.after)
+        step.act(bench)
+    bench.run(fault + kind.observe)
+    return bench.finish()

@@ -1,0 +1,1 @@
+"""The thesis's figures again, from its recordings and from our runs."""

@@ -1,0 +1,56 @@
+"""Figures that a report has beside those of ``figures``: does the tube hold, is it in time."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
+
+from mirte_drake.angles import pose_error
+from mirte_drake.visualization.style import ACTUAL, set_time_axis
+
+Log = Mapping[str, np.ndarray]
+
+_ROWS = (("x", "m"), ("y", "m"), (r"\theta", "rad"))
+_OUTSIDE = {"ls": "", "marker": "x", "color": "black", "ms": 6, "mew": 1.4, "zorder": 4}
+_ROUNDING = 1e-9  # [m, rad]
+
+
+def tube_figure(log: Log) -> Figure:
+    """Draws how far each pose was from what the sample before predicted, within the tube."""
+    figure = Figure(figsize=(5.2, 4.6), layout="constrained")
+    panels = figure.subplots(len(_ROWS), 1, sharex=True)
+    time, half_width = log["time"][1:], log["half_width"][1:]
+    error = pose_error(log["pose"][1:], log["nominal_next"][:-1])
+    outside = np.abs(error) > half_width + _ROUNDING
+    for entry, (axes, (symbol, unit)) in enumerate(zip(panels, _ROWS, strict=True)):
+        half = half_width[:, entry]
+        axes.fill_between(time, -half, half, step="mid", color="0.86", lw=0, label="tube")
+        axes.axhline(0.0, color="black", lw=0.6)
+        axes.plot(time, error[:, entry], label="pose", **ACTUAL)
+        there = outside[:, entry]
+        axes.plot(time[there], error[there, entry], label="outside", **_OUTSIDE)
+        axes.set_ylabel(rf"${symbol}-\bar{{{symbol}}}$ [{unit}]")
+        axes.set_title(f"outside {there.sum()} of {len(time)}", loc="right", fontsize=9)
+    set_time_axis(panels[-1], log["time"])
+    figure.align_ylabels()
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    return figure
+
+
+def solve_time_figure(log: Log, period: float) -> Figure:
+    """Draws the solve time of every sample against the period [s], both in milliseconds."""
+    figure = Figure(figsize=(5.2, 2.6), layout="constrained")
+    axes = figure.subplots()
+    solve_time = 1e3 * log["solve_time_s"]
+    axes.plot(log["time"], solve_time, ".", color=ACTUAL["color"], ms=3, label="solve")
+    for share, style in ((50, "-"), (99, "--")):
+        value = np.percentile(solve_time, share)
+        label = "median" if share == 50 else f"{share} %"
+        axes.axhline(value, color="black", lw=0.9, ls=style, label=f"{label}: {value:.2g} ms")
+    axes.axhline(1e3 * period, color="black", lw=1.2, ls=":", label=f"period: {1e3 * period:g} ms")
+    axes.set(yscale="log", ylabel="solve time [ms]")
+    set_time_axis(axes, log["time"])
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    figure.legend(loc="outside upper center", ncols=4)
+    return figure

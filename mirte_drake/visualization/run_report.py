@@ -1,0 +1,205 @@
+"""The report of one run, as a page that stands for itself."""
+
+import dataclasses as dc
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from mirte_drake.visualization.figures import error_figure, input_figure, path_figure
+from mirte_drake.visualization.page import Page
+from mirte_drake.visualization.report_figures import solve_time_figure, tube_figure
+
+NBSP = "\u00a0"  # Between a number and its unit.
+# [m, m, rad] of a summary's RMSE, and how reports print them.
+POSE_KEYS, POSE_UNITS = ("x_m", "y_m", "yaw_rad"), ("mm", "mm", "mrad")
+
+_WIRE = {  # What numbers of a wire mean.
+    "ended": "why, where it was before its time",
+    "command_latency": "from odometry to its command: median, 99 %, longest",
+    "odometry_age": "when a command was computed from it: median, 99 %, longest",
+    "missed_odometry": "samples to which none came in time",
+}
+
+
+@dc.dataclass(frozen=True)
+class ReportedRun:
+    """What a report knows of a run."""
+
+    name: str
+    description: str
+    robot: str  # Its short name.
+    tube: bool  # False: the baseline NMPC.
+    period: float  # [s]
+    input_limit: float  # [pwm]
+    scenario: str  # YAML, as run.
+    summary: Mapping[str, Any]  # As in summary.json.
+    log: Mapping[str, np.ndarray]  # As in log.npz.
+    saturation: float  # Share of the samples at which a wheel is at the limit.
+    oscillation: float  # [1/s] Sign changes of a wheel command's increments, mean over wheels.
+
+    @property
+    def controller(self) -> str:
+        """The controller in two words."""
+        return "tube NMPC" if self.tube else "baseline NMPC"
+
+    @property
+    def successors(self) -> int:
+        """Number of samples that have one before them, at least 1 to divide by."""
+        return max(self.summary["steps"] - 1, 1)
+
+    @property
+    def odometry(self) -> bool:
+        """Whether the pose was measured by something that errs."""
+        true = self.summary["true_rmse"]
+        return true is not None and true != self.summary["rmse"]
+
+
+def run_report(run: ReportedRun, *, diagram: str, no_diagram: str = "", replay: str = "") -> str:
+    """Returns the page.
+
+    Args:
+        run: The run.
+        diagram: SVG of its Diagram; empty where there is none.
+        no_diagram: Why there is none.
+        replay: The page of its replay in three dimensions; empty where there is none.
+    """
+    page = Page()
+    steps, time = run.summary["steps"], run.summary["simulated_time_s"]
+    picture = page.picture(diagram, f"Diagram of {run.name}") if diagram else ""
+    return page.render(
+        "run.html",
+        kicker="mirte_drake: report of a run",
+        title=run.name,
+        description=run.description.rstrip("."),
+        setting=f"{run.controller[0].upper()}{run.controller[1:]} on the {run.robot} robot, solver "
+        f"{run.summary['solver']}; {steps} samples in {time:.1f} s, seed {run.summary['seed']}.",
+        ended=run.summary.get("wire", {}).get("ended", ""),
+        command="drive" if "wire" in run.summary else "simulate",
+        headline=_headline(run),
+        figures=_figures(page, run),
+        diagram=picture,
+        no_diagram=no_diagram,
+        numbers=_numbers(run),
+        replay=replay,
+        scenario=run.scenario,
+        versions=run.summary["versions"],
+    )
+
+
+def rmse_texts(rmse: Mapping[str, float]) -> list[str]:
+    """Returns the entries of an RMSE [m, m, rad] in mm and mrad, without their units."""
+    return [f"{1e3 * rmse[key]:.1f}" for key in POSE_KEYS]
+
+
+def _headline(run: ReportedRun) -> list[dict[str, str]]:
+    summary, samples = run.summary, run.successors
+    true = rmse_texts(summary["true_rmse"]) if run.odometry else None
+    items = []
+    measured = zip(("x", "y", "yaw"), rmse_texts(summary["rmse"]), POSE_UNITS, strict=True)
+    for entry, (label, value, unit) in enumerate(measured):
+        note = "against the reference" if run.summary["true_rmse"] else "measured by odometry"
+        note = f"measured; truly {true[entry]}{NBSP}{unit}" if true else note
+        items.append(_item(f"RMSE {label}", f"{value}{NBSP}{unit}", note))
+    outside = summary["successor_violations"]
+    if run.tube:
+        share = f"{100 * (1 - outside / samples):.1f} %"
+        items.append(_item("Next pose in the tube", share, f"outside at {outside} of {samples}"))
+    else:
+        items.append(_item("Next pose in the tube", "no tube", "baseline NMPC"))
+    solve = summary["solve_time_ms"]
+    note = f"longest {_ms(solve['max'])} of {1e3 * run.period:g}{NBSP}ms"
+    items.append(_item("Solve time, median", _ms(solve["p50"]), note))
+    failures = summary["solve_failures"]
+    mood = "bad" if failures else "good"
+    items.append(_item("Failed solves", str(failures), f"of {summary['steps']}", mood))
+    return items
+
+
+def _item(label: str, value: str, note: str, mood: str = "") -> dict[str, str]:
+    return {"label": label, "value": value, "note": note, "mood": mood}
+
+
+def _figures(page: Page, run: ReportedRun) -> list[dict[str, str]]:
+    log = run.log
+    drawn: list[tuple[str, Callable[[], Figure]]] = [
+        (
+            "Reference, nominal and actual path" + (", and the tube." if run.tube else "."),
+            lambda: path_figure(log),
+        ),
+        ("Tracking error: pose minus reference.", lambda: error_figure(log)),
+        (
+            "Solve time of every sample, against the period that it must fit in.",
+            lambda: solve_time_figure(log, run.period),
+        ),
+    ]
+    if run.tube:
+        drawn += [
+            (
+                "Pose minus its prediction of one sample before, and the tube that should hold it.",
+                lambda: tube_figure(log),
+            ),
+            (
+                "Wheel commands: the nominal ones stay within the tightened bounds; the ancillary "
+                "law adds to them what is applied.",
+                lambda: input_figure(log, run.input_limit),
+            ),
+        ]
+    else:
+        drawn.append(("Wheel commands.", lambda: input_figure(log, run.input_limit)))
+    return [{"caption": caption, "svg": page.plot(draw, caption)} for caption, draw in drawn]
+
+
+def _numbers(run: ReportedRun) -> list[dict[str, str]]:
+    summary = run.summary
+    solve, feedback = summary["solve_time_ms"], summary["feedback_time_ms"]
+    limit = f"{run.input_limit:g} %"
+    samples = "samples"
+    rows = [
+        ("RMSE, measured pose", _pose(summary["rmse"]), "x, y, yaw against the reference"),
+        ("RMSE, true pose", _pose(summary["true_rmse"]), "where the robot really was"),
+        ("solve time", _times(solve), "median, 99 %, longest"),
+        ("from pose to plan", _times(feedback), "what of it comes after the measurement"),
+        ("failed solves", summary["solve_failures"], "the previous plan, moved on, served instead"),
+        ("ended early", summary["early_solves"], "solves that reached their time limit"),
+        ("rate bound relaxed", summary["rate_relaxations"], "where tightened bounds contradict it"),
+        ("rate bound violated", summary["rate_violations"], f"{samples}, beyond rounding"),
+        ("input set violated", summary["input_violations"], f"{samples} that asked beyond {limit}"),
+    ]
+    if run.tube:
+        rows += [
+            (
+                "pose outside the tube",
+                summary["tube_violations"],
+                f"{samples}; none by construction, since the solver places the nominal pose so",
+            ),
+            (
+                "next pose outside the tube",
+                summary["successor_violations"],
+                f"{samples}; the tube bounds the linearised error, so it may happen",
+            ),
+        ]
+    for key, value in summary.get("wire", {}).items():
+        label = key.removesuffix("_ms")
+        text = _times(value) if isinstance(value, Mapping) else value
+        rows.append((label.replace("_", " "), text or "-", _WIRE.get(label, "on the wire")))
+    rows.append(("wall time", f"{summary['wall_time_s']:.1f} s", "of the run, without its figures"))
+    return [
+        {"label": label, "value": str(value), "meaning": meaning} for label, value, meaning in rows
+    ]
+
+
+def _pose(rmse: Mapping[str, float] | None) -> str:
+    if rmse is None:
+        return "unknown"
+    values = zip(rmse_texts(rmse), POSE_UNITS, strict=True)
+    return ", ".join(f"{value} {unit}" for value, unit in values)
+
+
+def _times(times: Mapping[str, float]) -> str:
+    return ", ".join(f"{times[key]:.2f}" for key in ("p50", "p99", "max")) + " ms"
+
+
+def _ms(value: float) -> str:
+    return f"{value:.2f}{NBSP}ms" if value < 10 else f"{value:.0f}{NBSP}ms"

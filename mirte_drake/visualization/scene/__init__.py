@@ -1,0 +1,1 @@
+"""The scene in Meshcat: what a run, live or recorded, looks like."""

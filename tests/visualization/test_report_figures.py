@@ -1,0 +1,47 @@
+import numpy as np
+
+from mirte_drake.visualization.report_figures import solve_time_figure, tube_figure
+
+COUNT = 20
+LOG = {
+    "time": 0.1 * np.arange(COUNT),
+    "pose": np.zeros((COUNT, 3)),
+    "nominal_next": np.zeros((COUNT, 3)),
+    "half_width": np.full((COUNT, 3), 0.1),
+    "solve_time_s": np.linspace(1e-3, 2e-3, COUNT),
+}
+
+
+def line(axes, label):
+    return next(item for item in axes.get_lines() if item.get_label() == label)
+
+
+def test_who_leaves_the_tube_is_marked_and_counted():
+    pose = np.zeros((COUNT, 3))
+    pose[4, 1], pose[9, 1] = 0.11, -0.1  # The second is on the edge.
+    panels = tube_figure({**LOG, "pose": pose}).axes
+    titles = [axes.get_title(loc="right") for axes in panels]
+    assert titles == ["outside 0 of 19", "outside 1 of 19", "outside 0 of 19"]
+    np.testing.assert_allclose(line(panels[1], "outside").get_xydata(), [[0.4, 0.11]])
+
+
+def test_a_pose_is_compared_with_the_prediction_of_the_sample_before():
+    nominal_next = np.zeros((COUNT, 3))
+    nominal_next[3, 0] = 0.05
+    panels = tube_figure({**LOG, "nominal_next": nominal_next}).axes
+    error = line(panels[0], "pose")
+    np.testing.assert_allclose(error.get_ydata()[error.get_xdata() == 0.4], [-0.05])
+
+
+def test_yaw_beyond_a_turn_is_no_error():
+    pose = np.zeros((COUNT, 3))
+    pose[:, 2] = 2 * np.pi
+    panels = tube_figure({**LOG, "pose": pose}).axes
+    np.testing.assert_allclose(line(panels[2], "pose").get_ydata(), 0, atol=1e-12)
+
+
+def test_solve_times_stand_against_the_period():
+    (axes,) = solve_time_figure(LOG, 0.1).axes
+    np.testing.assert_allclose(line(axes, "solve").get_ydata(), np.linspace(1, 2, COUNT))
+    for label, value in (("median: 1.5 ms", 1.5), ("99 %: 2 ms", 1.99), ("period: 100 ms", 100)):
+        np.testing.assert_allclose(line(axes, label).get_ydata(), value)
