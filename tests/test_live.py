@@ -44,6 +44,7 @@ def test_stops_when_somebody_stops_it():
     assert meshcat.HasPath("/mirte/trail/measured/1")
 
 
+@pytest.mark.slow
 def test_keeps_the_pace_of_the_clock():
     started = time.perf_counter()
     pace, _, hands = run(*[nothing] * 30, click(STOP))
@@ -53,6 +54,7 @@ def test_keeps_the_pace_of_the_clock():
     assert hands.times[-1] - hands.times[0] == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_the_speed_is_the_one_that_is_wanted():
     pace, _, hands = run(
         lambda meshcat: meshcat.SetSliderValue(SPEED, 4.0), *[nothing] * 40, click(STOP)

@@ -22,6 +22,7 @@ from mirte_drake.identification.synthetic_recording import (
 from mirte_drake.robots.names import ROBOTS, robot_override
 from mirte_drake.run import simulate, summarise
 from mirte_drake.scenario import load_scenario, scenario_names
+from mirte_drake.visualization.run_controls import RunControls, Wish
 
 README_FILE = Path(__file__).parents[1] / "README.md"
 README = README_FILE.read_text()
@@ -107,12 +108,15 @@ def test_every_block_runs(tmp_path, monkeypatch, capsys):
     save_csv(run, tmp_path / "run.csv")
     save_csv(run, tmp_path / "other_run.csv")
     every = pages.blocks(README_FILE)
-    assert sum(len(block.commands) for block in every) == 41
+    assert sum(len(block.commands) for block in every) == 43
     assert not any(block.not_run for block in every)
+    # Nobody is there to stop what is watched.
+    monkeypatch.setattr(RunControls, "read", lambda controls: Wish(1.0, False, 0, stop=True))
     with pages.Reader() as reader:
         for block in every:
             reader.run(block)
     assert (tmp_path / "my_circle" / "summary.json").is_file()
+    assert (tmp_path / "my_circle" / "replay.html").is_file()
     assert (tmp_path / "mine.yaml").is_file()
     assert (tmp_path / "fleet" / "weak_wheels.yaml").is_file()
     assert (tmp_path / "runs" / "rectangle" / "drive.mcap").is_file()

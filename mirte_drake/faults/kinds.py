@@ -7,7 +7,7 @@ import numpy as np
 from mirte_drake.errors import UserError
 from mirte_drake.faults import odometry_faults as odometry
 from mirte_drake.faults import sabotage
-from mirte_drake.faults.bench import HUGE_COMMAND, Bench
+from mirte_drake.faults.bench import HUGE_COMMAND
 from mirte_drake.faults.kind import (
     WITHIN_SIGNAL,
     Kind,
@@ -47,10 +47,6 @@ GUARD_GONE = "the guard has said nothing"
 
 def _send(name: str, number: signal.Signals, after: float = 0.0) -> Step:
     return Step(lambda bench: bench.signal(name, number), after)
-
-
-def _restart(bench: Bench) -> None:
-    bench.restart_robot()
 
 
 def _babble(kind: type) -> dict:
@@ -107,7 +103,12 @@ _KINDS = (
     drives_on("clock_1h_forward", odometry=odometry.clock_steps_by(3600.0)),
     _old_odometry("clock_1h_back", odometry.clock_steps_by(-3600.0)),
     drives_on("clock_50ms", odometry=odometry.clock_steps_by(0.05, either_way=True)),
-    _old_odometry("robot_restarts", odometry.silent, steps=(Step(_restart, 1.0),), observe=2.5),
+    _old_odometry(
+        "robot_restarts",
+        odometry.silent,
+        steps=(Step(lambda bench: bench.restart_robot(), 1.0),),
+        observe=2.5,
+    ),
     stops(
         "robot_leaves_area",
         "the first odometry outside",

@@ -30,7 +30,6 @@ class Record:
     start: float = np.inf  # [s] when the first command that is not zero came.
     fault: float = np.inf  # [s] when the fault began.
     acted: list[float] = dc.field(default_factory=list)  # [s] when the controller was sabotaged.
-    malformed: int = 0  # Messages without sense that were sent.
     end: float = np.inf  # [s] when the observation ended.
     ended: str | None = None  # What the drive ended with; None: it goes on, or it died.
     controller_alive: bool = True  # At the end of the observation; stopped processes are.

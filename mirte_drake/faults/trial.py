@@ -47,9 +47,14 @@ class Outcome:
     timeline: tuple[str, ...] = ()  # Of a trial that failed.
 
 
-def run_trial(trial: Trial) -> Outcome:
-    """Runs a trial in real time; a failure of the trial itself is one of its problems."""
-    kind = find_kind(trial.kind)
+def run_trial(trial: Trial, kind: Kind | None = None) -> Outcome:
+    """Runs a trial in real time; a failure of the trial itself is one of its problems.
+
+    Args:
+        trial: The trial.
+        kind: What is done and what must come of it; None: the kind that the trial names.
+    """
+    kind = kind or find_kind(trial.kind)
     # A fault is the same in each trial of a kind and seed, whatever else runs.
     rng = np.random.default_rng([trial.seed, trial.run, zlib.crc32(kind.name.encode())])
     scenario, robot = scenarios(trial, kind)

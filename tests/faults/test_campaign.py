@@ -1,4 +1,5 @@
 import csv
+import dataclasses as dc
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from mirte_drake.faults.campaign import (
 )
 from mirte_drake.faults.evaluation import Verdict
 from mirte_drake.faults.kinds import KINDS
-from mirte_drake.faults.trial import Outcome, Trial
+from mirte_drake.faults.trial import Outcome, Trial, run_trial
 
 
 def outcome(kind, run, stop_time=np.nan, reason="drove on", problems=()):
@@ -77,6 +78,23 @@ def test_the_list_shows_every_kind(capsys):
 
 def test_wrong_use(capsys):
     check_wrong_use(capsys, ["faults", "--kind", "odometry_stop"], ["odometry_stop", "--list"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("kind", "lax", "problem"),
+    [
+        ("odometry_stops", "max_odometry_age=0.4", "after it was due"),
+        ("controller_lost", "heartbeat_timeout=0.4", "after it was due"),
+        ("solver_fails", "max_solve_failures=5", "after it was due"),
+        ("solver_fails_twice", "max_solve_failures=2", "stopped: failed solves in a row"),
+    ],
+)
+def test_a_guard_that_is_not_as_it_should_be_is_found_out(kind, lax, problem):
+    trial = Trial(kind, "lcm", 0, 1, 999)
+    assert not run_trial(trial).verdict.problems
+    changed = dc.replace(KINDS[kind], overrides=(f"robot.governor.{lax}",))
+    assert any(problem in told for told in run_trial(trial, changed).verdict.problems)
 
 
 @pytest.mark.slow
