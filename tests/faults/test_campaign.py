@@ -17,6 +17,8 @@ from mirte_drake.faults.evaluation import Verdict
 from mirte_drake.faults.kinds import KINDS
 from mirte_drake.faults.trial import Outcome, Trial, run_trial
 
+pytestmark = pytest.mark.xdist_group("wire")  # In real time: one after the other.
+
 
 def outcome(kind, run, stop_time=np.nan, reason="drove on", problems=()):
     verdict = Verdict(bool(np.isfinite(stop_time)), stop_time, reason, problems)
