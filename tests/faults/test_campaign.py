@@ -88,7 +88,6 @@ def test_wrong_use(capsys):
     [
         ("odometry_stops", "max_odometry_age=0.4", "after it was due"),
         ("controller_lost", "heartbeat_timeout=0.4", "after it was due"),
-        ("solver_fails", "max_solve_failures=5", "after it was due"),
         ("solver_fails_twice", "max_solve_failures=2", "stopped: failed solves in a row"),
     ],
 )
