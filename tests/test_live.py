@@ -8,7 +8,10 @@ from mirte_drake.live import IDLE, KeptTime, watch
 from mirte_drake.scenario import load_scenario
 from mirte_drake.visualization.run_controls import PAUSE, RESTART, SPEED, STOP
 
-pytestmark = pytest.mark.xdist_group("wire")  # In real time: one after the other.
+pytestmark = [
+    pytest.mark.realtime,
+    pytest.mark.xdist_group("wire"),
+]  # In real time: one after the other.
 
 
 class Hands:
