@@ -36,6 +36,7 @@ class Judge:
         self.honest = True
         self.messages = 0  # Of odometry.
         self.arrived = self.measured = NEVER  # [s] The last odometry that makes sense.
+        self.prompt = NEVER  # [s] The last of it that was not late.
         self.same_since = self.pushed_since = INF
         self.highest = {}  # Sequence, by session.
         self.heartbeat = {}  # [s], by session.
@@ -66,9 +67,12 @@ class Judge:
         """Hears odometry that makes sense, before the governor does."""
         self.expire()
         self.messages += 1
-        silent = self.now - self.arrived > 0.9 if self.messages > 1 else late > 0
-        if silent or self.messages > 50:  # The window forgets; a track may begin anew.
+        # The window forgets, and a track may begin anew with a message that is late.
+        lost = self.now - self.prompt > 0.9 and late > 0
+        if lost or self.messages > 50:
             self.honest = False
+        if late == 0:
+            self.prompt = self.now
         self.arrived, self.measured = self.now, max(self.measured, self.now - late)
         self.same_since = min(self.same_since, self.now)
         heard = self.now - self.looked <= STALL  # By a governor that has not stalled.

@@ -93,7 +93,7 @@ class World(Judge):
         self.clean = False
         for _ in range(1 + byte % 4):
             self.advance(0.1)
-            if not self.honest or self.now - self.arrived > 0.9:  # It may be believed.
+            if not self.honest or self.now - self.prompt > 0.9:  # It may be believed.
                 self.honest, self.arrived = False, self.now
             stamp = self.stamp - [0, 1, 10**8, 10**12][byte // 4 % 4]
             odometry = Odometry(max(stamp, 0), np.array(self.pose), np.zeros(3))
