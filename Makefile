@@ -14,7 +14,8 @@ test: $(VENV)/installed
 	$(BIN)/python -m pytest -n auto -m "not slow"
 
 test-slow: $(VENV)/installed
-	$(BIN)/python -m pytest -m slow
+	$(BIN)/python -m pytest -n auto -m "slow and not realtime"
+	$(BIN)/python -m pytest -m "slow and realtime"
 
 lint: $(VENV)/installed
 	$(BIN)/ruff format --check .

@@ -44,7 +44,7 @@ def watch(
         scenario: What to run.
         meshcat: Where to draw, and whose page gets the controls.
         background: "light" or "dark".
-        ready: Whether to begin; asked again and again until it is true.
+        ready: Whether to go on; asked before each picture. While it is not, the robot waits.
 
     Raises:
         ValueError: when the scenario cannot be built; UserError is one.

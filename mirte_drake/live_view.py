@@ -29,7 +29,7 @@ def floor_patches(scenario: Scenario) -> list[Patch]:
     return [Patch(patch.center, patch.size) for patch in robot.patches]
 
 
-def scene_stage(scenario: Scenario, background: str) -> Stage:
+def scene_stage(scenario: Scenario, background: str = "light") -> Stage:
     """Returns where the robot of a scenario will be, and what is on the floor there."""
     robot = scenario.robot
     start = None if isinstance(robot, WiredRobotConfig) else robot.initial_pose

@@ -12,7 +12,7 @@ from mirte_drake.angles import pose_error, rotation
 from mirte_drake.errors import UserError
 from mirte_drake.files import read_text, replacing
 from mirte_drake.geometry import wheel_speeds
-from mirte_drake.live_view import floor_patches
+from mirte_drake.live_view import scene_stage
 from mirte_drake.robots.robot_description import robot_sdf
 from mirte_drake.run import RUN_FILES
 from mirte_drake.scenario import Scenario, load_prediction_model, load_scenario
@@ -20,7 +20,6 @@ from mirte_drake.vectors import POSE, POSE_SIZE, WHEELS, YAW
 from mirte_drake.visualization.replay_page import replay_page
 from mirte_drake.visualization.scene.frame import Frame, Trail
 from mirte_drake.visualization.scene.shapes import read_robot_shapes
-from mirte_drake.visualization.scene.stage import Stage
 
 MOST_FRAMES = 400  # Of a page, so that it stays below 5 MB: of a longer run every second, ...
 MOST_PIECES = 130  # Of each trail.
@@ -144,11 +143,13 @@ def run_page(run: SavedRun) -> str:
     log, scenario = run.log, run.scenario
     samples = len(log["pose"])
     stride = math.ceil(samples / MOST_FRAMES)
+    stage = scene_stage(scenario)
+    path = stage.path if len(stage.path) else log["reference"][:, :2]
     places = np.vstack([log["pose"], log["true_pose"]])[:, :2]
     robot = type(scenario.robot).__name__.removesuffix("RobotConfig").lower()
     x, y, yaw = 1e3 * np.sqrt(np.mean(pose_error(log["pose"], log["reference"]) ** 2, axis=0))
     return replay_page(
-        Stage(log["reference"][:, :2], places, floor_patches(scenario)),
+        dc.replace(stage, path=path, places=places),
         read_robot_shapes(robot_sdf()),
         frames(run)[::stride],
         trails(run, math.ceil(samples / MOST_PIECES)),

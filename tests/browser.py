@@ -77,8 +77,7 @@ class Browser:
         self._session = attached["sessionId"]
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
-        self.call("Emulation.setDeviceMetricsOverride", width=width, height=height,
-                  deviceScaleFactor=1, mobile=False)  # fmt: skip
+        self.resize(width, height)
         self.prefer(dark)
 
     def __enter__(self) -> "Browser":
@@ -98,6 +97,11 @@ class Browser:
         self._process.stdout.close()
         self._pipe.close()
         self._profile.cleanup()
+
+    def resize(self, width: int, height: int) -> None:
+        """Sets the size of the page [pixels]."""
+        self.call("Emulation.setDeviceMetricsOverride", width=width, height=height,
+                  deviceScaleFactor=1, mobile=False)  # fmt: skip
 
     def prefer(self, dark: bool) -> None:
         """Sets the colour scheme that a page sees as the user's preferred one."""

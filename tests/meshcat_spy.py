@@ -9,6 +9,7 @@ class MeshcatSpy(Meshcat):
     def __init__(self):
         super().__init__(MeshcatParams(host="127.0.0.1"))
         self.transforms, self.properties, self.objects, self.meshes = {}, {}, {}, {}
+        self.camera = None  # Position and target.
         self.recorded = {}  # (path, property or "transform") -> [(time, value)].
 
     def SetTransform(self, path, X, time=None):
@@ -32,6 +33,10 @@ class MeshcatSpy(Meshcat):
     def SetTriangleMesh(self, path, vertices, faces, color):
         self.meshes[path] = vertices, faces, color
         super().SetTriangleMesh(path, vertices, faces, color)
+
+    def SetCameraPose(self, position, target):
+        self.camera = position, target
+        super().SetCameraPose(position, target)
 
     def click(self, name):
         """Clicks a button, as somebody at the page does."""

@@ -29,6 +29,7 @@ SHORTER = {
     "benchmark": "--quick --solver realtime --solver converged",
     "compare": "--runs 1 --scenario baseline_circle --set duration=0.3",
     "figures": "5-2",
+    "faults": "--runs 1 --kind odometry_nan_once",
 }
 # At the wire a second takes a second.
 SHORTER_AT_THE_WIRE = {"drive": "--set duration=1 --no-plots", "collect": "--duration 2"}

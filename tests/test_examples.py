@@ -11,7 +11,12 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
-SLOW = ("04_harder_robots", "06_from_data_to_drive", "13_recover_a_known_model")  # Over 5 s.
+SLOW = (  # Over 5 s, or in real time.
+    "04_harder_robots",
+    "06_from_data_to_drive",
+    "08_drive_over_the_wire",
+    "13_recover_a_known_model",
+)
 NUMBER = r"\d+(?:\.\d+)?"
 
 sys.path.insert(0, str(ROOT / "docs" / "extensions"))
@@ -32,12 +37,15 @@ def check_output(printed: str, expected: str) -> None:
         assert float(value) == pytest.approx(float(said), rel=0.1, abs=1.5 * last_digit), printed
 
 
+def marks(name: str) -> list:
+    """Returns the marks of an example: slow, or in real time, and then one after the other."""
+    found = [pytest.mark.slow] if name in SLOW else []
+    return [*found, pytest.mark.xdist_group("wire")] if name.endswith("wire") else found
+
+
 @pytest.mark.parametrize(
     "path",
-    [
-        pytest.param(path, id=path.stem, marks=[pytest.mark.slow] if path.stem in SLOW else [])
-        for path in EXAMPLES
-    ],
+    [pytest.param(path, id=path.stem, marks=marks(path.stem)) for path in EXAMPLES],
 )
 def test_example_runs_in_an_empty_folder(path, tmp_path):
     done = subprocess.run([sys.executable, path], cwd=tmp_path, capture_output=True, text=True)

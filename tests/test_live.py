@@ -8,6 +8,11 @@ from mirte_drake.live import IDLE, KeptTime, watch
 from mirte_drake.scenario import load_scenario
 from mirte_drake.visualization.run_controls import PAUSE, RESTART, SPEED, STOP
 
+pytestmark = [
+    pytest.mark.realtime,
+    pytest.mark.xdist_group("wire"),
+]  # In real time: one after the other.
+
 
 class Hands:
     """Does something at the controls each time it is asked whether to go on."""
@@ -44,6 +49,7 @@ def test_stops_when_somebody_stops_it():
     assert meshcat.HasPath("/mirte/trail/measured/1")
 
 
+@pytest.mark.slow
 def test_keeps_the_pace_of_the_clock():
     started = time.perf_counter()
     pace, _, hands = run(*[nothing] * 30, click(STOP))
@@ -53,6 +59,7 @@ def test_keeps_the_pace_of_the_clock():
     assert hands.times[-1] - hands.times[0] == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_the_speed_is_the_one_that_is_wanted():
     pace, _, hands = run(
         lambda meshcat: meshcat.SetSliderValue(SPEED, 4.0), *[nothing] * 40, click(STOP)

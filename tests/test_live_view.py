@@ -3,8 +3,10 @@ import dataclasses as dc
 import numpy as np
 import pytest
 from meshcat_spy import MeshcatSpy
+from projection import seen_at
 from pydrake.systems.analysis import Simulator
 
+from mirte_drake.angles import rotation
 from mirte_drake.assembly import MakeDiagram
 from mirte_drake.geometry import body_velocity
 from mirte_drake.live_view import LiveView, floor_patches, scene_stage
@@ -53,6 +55,19 @@ def test_every_scenario_can_be_watched(name):
     simulator.AdvanceTo(0.25)
     assert meshcat.HasPath("/mirte/trail/measured/2")
     assert np.any(frame(simulator).half_widths > 0) == bool(tube)
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_the_first_camera_sees_the_robot_anywhere_on_its_path(name):
+    scenario = load_scenario(name)
+    _, meshcat = watched(scenario)
+    path = scenario.reference.poses(scenario.period)
+    corners = np.array([[x, y] for x in (-0.15, 0.15) for y in (-0.2, 0.2)])
+    around = np.concatenate([path[:, :2] + (rotation(path[:, 2])[:, :2, :2] @ c) for c in corners])
+    points = np.vstack([np.column_stack([around, np.full(len(around), z)]) for z in (0.0, 0.3)])
+    places = seen_at(points, *meshcat.camera)
+    assert np.all(np.abs(places) < 1)
+    assert np.max(np.ptp(places, axis=0)) > 1.2  # Near enough, too.
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
@@ -129,7 +144,7 @@ def test_the_stage_holds_path_start_and_patches():
 def test_a_setpoint_has_room_but_no_path():
     reference = VelocitySetpointConfig(start=np.array([1.0, 2.0, 0.0]))
     scenario = dc.replace(Scenario(), reference=reference, duration=1.0)
-    stage = scene_stage(scenario, "light")
+    stage = scene_stage(scenario)
     assert stage.path.shape == (0, 2)
     np.testing.assert_array_equal(stage.places, [[0.0, 1.0], [2.0, 3.0]])
     simulator, _ = watched(scenario)

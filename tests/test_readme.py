@@ -22,6 +22,7 @@ from mirte_drake.identification.synthetic_recording import (
 from mirte_drake.robots.names import ROBOTS, robot_override
 from mirte_drake.run import simulate, summarise
 from mirte_drake.scenario import load_scenario, scenario_names
+from mirte_drake.visualization.run_controls import RunControls, Wish
 
 README_FILE = Path(__file__).parents[1] / "README.md"
 README = README_FILE.read_text()
@@ -99,6 +100,7 @@ def test_the_comparison_is_what_the_command_gives(scenario):
                 assert number == value
 
 
+@pytest.mark.xdist_group("wire")
 def test_every_block_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     excitation = ExcitationConfig(duration=20.0, random_duration=10.0)
@@ -106,12 +108,15 @@ def test_every_block_runs(tmp_path, monkeypatch, capsys):
     save_csv(run, tmp_path / "run.csv")
     save_csv(run, tmp_path / "other_run.csv")
     every = pages.blocks(README_FILE)
-    assert sum(len(block.commands) for block in every) == 39
+    assert sum(len(block.commands) for block in every) == 43
     assert not any(block.not_run for block in every)
+    # Nobody is there to stop what is watched.
+    monkeypatch.setattr(RunControls, "read", lambda controls: Wish(1.0, False, 0, stop=True))
     with pages.Reader() as reader:
         for block in every:
             reader.run(block)
     assert (tmp_path / "my_circle" / "summary.json").is_file()
+    assert (tmp_path / "my_circle" / "replay.html").is_file()
     assert (tmp_path / "mine.yaml").is_file()
     assert (tmp_path / "fleet" / "weak_wheels.yaml").is_file()
     assert (tmp_path / "runs" / "rectangle" / "drive.mcap").is_file()
@@ -125,7 +130,7 @@ def newcomers_steps() -> list[list[str]]:
 
 
 def test_every_step_of_a_newcomer_is_at_most_two_commands():
-    assert [len(step) for step in newcomers_steps()] == [1, 1, 1, 1, 2]
+    assert [len(step) for step in newcomers_steps()] == [1, 1, 1, 1, 2, 1]
 
 
 @pytest.mark.slow
@@ -141,6 +146,7 @@ def test_a_newcomer_gets_there_in_an_empty_folder(tmp_path, monkeypatch, capsys)
             for command in step:
                 reader.run_command(command)
     assert (tmp_path / "runs" / "own_path" / "path.png").is_file()
+    assert (tmp_path / "runs" / "own_path" / "replay.html").is_file()
     assert "dx/dt" in capsys.readouterr().out
 
 

@@ -20,6 +20,7 @@ def test_the_wheel_runs_a_scenario_outside_the_source(tmp_path):
     names = zipfile.ZipFile(wheel).namelist()
     assert "mirte_drake/diagrams/rectangle.scenario.yaml" in names
     assert "mirte_drake/model/identified/extended_kinematic.yaml" in names
+    assert "mirte_drake/visualization/replay_overlay.html" in names
     assert not [name for name in names if name.startswith(("tests", "examples"))]
 
     site, folder = tmp_path / "site", tmp_path / "elsewhere"
@@ -28,7 +29,7 @@ def test_the_wheel_runs_a_scenario_outside_the_source(tmp_path):
     subprocess.run(install, check=True, capture_output=True)
     code = (
         "import mirte_drake, mirte_drake.cli as c; print(mirte_drake.__file__); "
-        "c.main(['simulate', 'rectangle', '--set', 'duration=1'])"
+        "c.main(['simulate', 'rectangle', '--set', 'duration=1', '--replay'])"
     )
     done = subprocess.run(
         [sys.executable, "-c", code],
@@ -39,4 +40,5 @@ def test_the_wheel_runs_a_scenario_outside_the_source(tmp_path):
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith(str(site))
-    assert (folder / "runs" / "rectangle" / "summary.json").is_file()
+    for name in ("summary.json", "replay.html"):
+        assert (folder / "runs" / "rectangle" / name).is_file()

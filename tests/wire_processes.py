@@ -7,8 +7,10 @@ import subprocess
 import sys
 from contextlib import contextmanager
 
+from ros2_wire import free_domain
+
 # No two processes of tests meet: a domain of DDS and a port of LCM for each.
-DOMAIN = 100 + os.getpid() % 100
+DOMAIN = free_domain()
 WIRES = {
     "ros2": ["--transport", "ros2", "--wire", f"domain={DOMAIN}"],
     "lcm": [

@@ -145,11 +145,11 @@ def process_docstring(
         lines += field_list(item)
 
 
-def polish(
-    app: Sphinx, what: str, name: str, item: object, options: object, lines: list[str]
-) -> None:
-    """Sets the dashes of exceptions and parameters, after napoleon has written them."""
-    lines[:] = [line.replace("** -- ", "** – ") for line in lines]
+def set_dashes(app: Sphinx, doctree: nodes.document) -> None:
+    """Sets the dashes behind parameters and exceptions, which Sphinx writes as two hyphens."""
+    for text in list(doctree.findall(nodes.Text)):
+        if text == " -- ":
+            text.parent.replace(text, nodes.Text(" – "))
 
 
 def process_signature(
@@ -191,7 +191,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.setup_extension("sphinx.ext.autodoc")
     app.add_directive("fields", Fields)
     app.connect("autodoc-process-docstring", process_docstring, priority=400)
-    app.connect("autodoc-process-docstring", polish, priority=900)
+    app.connect("doctree-read", set_dashes)
     app.connect("autodoc-process-signature", process_signature)
     app.connect("autodoc-skip-member", skip_member)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

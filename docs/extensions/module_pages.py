@@ -21,6 +21,7 @@ SYSTEMS = {  # Folder or module: heading.
     "systems": "Controller, references and disturbance",
     "robots": "Robots and odometry",
     "assembly": "Diagrams made of them",
+    "visualization": "To see it, and to interfere",
 }
 MODULES = {  # Folder: heading.
     "base": "Foundations",
@@ -159,7 +160,8 @@ def system_pages(members: list[Module]) -> dict[str, str]:
     """Returns the pages about systems by name."""
     groups: dict[str, list[Module]] = {heading: [] for heading in SYSTEMS.values()}
     for module in members:
-        groups[SYSTEMS.get(module.folder) or SYSTEMS[module.name]].append(module)
+        heading = SYSTEMS.get(module.folder) or SYSTEMS.get(module.name, "Others")
+        groups.setdefault(heading, []).append(module)
     pages = {module.page: module_page(module) for module in members}
     return {**pages, "index": contents_page("Systems", SYSTEMS_TEXT, groups)}
 
@@ -198,7 +200,7 @@ Every part is a Drake system with named ports, a config, and a function that add
 are wired in the rectangle study:
 
 .. image:: ../../../diagrams/rectangle.svg
-   :class: on-white
+   :target: ../../_images/rectangle.svg
    :alt: The Diagram of the rectangle study"""
 
 MODULES_TEXT = """\

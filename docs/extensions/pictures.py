@@ -7,6 +7,7 @@ see it.
 
 import dataclasses as dc
 import itertools
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -22,7 +23,8 @@ from sphinx.util.docutils import SphinxDirective
 
 from mirte_drake.identification.synthetic_recording import synthetic_recording
 from mirte_drake.model.model_file import load_model, load_model_file
-from mirte_drake.run import Run, simulate
+from mirte_drake.replay import write_replay
+from mirte_drake.run import Run, save_run, simulate
 from mirte_drake.scenario import load_scenario
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -209,6 +211,14 @@ def draw_pictures(app: Sphinx) -> None:
                 draw(runs[run], theme).savefig(path, metadata={"Date": None}, bbox_inches="tight")
 
 
+def write_replay_page(app: Sphinx, error: Exception | None) -> None:
+    """Writes the replay that the tutorial shows beside its pages."""
+    if error is None:
+        with tempfile.TemporaryDirectory() as folder:
+            save_run(simulate(RUNS["own_path"], "own_path"), Path(folder))
+            write_replay(Path(folder), Path(app.outdir) / "replay.html")
+
+
 class Picture(SphinxDirective):
     """Shows a picture by its name."""
 
@@ -233,6 +243,7 @@ class Picture(SphinxDirective):
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Has the pictures drawn before Sphinx looks for its sources."""
+    app.connect("build-finished", write_replay_page)
     app.add_directive("picture", Picture)
     app.connect("builder-inited", draw_pictures)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,5 +1,6 @@
 """The command that puts faults to a drive."""
 
+import os
 import sys
 from pathlib import Path
 
@@ -66,7 +67,7 @@ def faults(
         click.echo(kinds_text())
         return
     names = [find_kind(name).name for name in dict.fromkeys(kinds or KINDS)]
-    todo = trials(names, transport, runs, seed)
+    todo = trials(names, transport, runs, seed, first=os.getpid())
     folder = output or Path("runs") / f"faults_{transport}"
     with replacing_results(folder, ("faults.json", "trials.csv", "failures.txt")) as results:
         with click.progressbar(length=len(todo), label="faults", file=sys.stderr) as bar:

@@ -28,8 +28,8 @@ def watch(
 ) -> None:
     """Shows the scenario NAME live in a browser, in 3-D and with controls.
 
-    Serves a page on this machine alone, and begins when it is opened. Its controls pause, change
-    speed and disturbance, push the robot, begin anew and stop; so does Ctrl-C.
+    Serves a page on this machine alone, and runs while it is open. Its controls pause, change
+    speed and disturbance, push the robot, begin anew and stop; Ctrl-C stops, too.
     """
     from mirte_drake.live import watch as watch_scenario
     from mirte_drake.scenario import load_scenario

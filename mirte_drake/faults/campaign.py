@@ -24,10 +24,15 @@ COLUMNS = (
 )
 
 
-def trials(kinds: Iterable[str], transport: str, runs: int, seed: int) -> list[Trial]:
-    """Returns every kind ``runs`` times, kinds taking turns."""
+def trials(
+    kinds: Iterable[str], transport: str, runs: int, seed: int, first: int = 0
+) -> list[Trial]:
+    """Returns every kind ``runs`` times, kinds taking turns; they are numbered from ``first`` on.
+
+    Campaigns that run at the same time must begin at different numbers, or their trials meet.
+    """
     pairs = [(run, kind) for run in range(runs) for kind in kinds]
-    return [Trial(kind, transport, seed, run, n) for n, (run, kind) in enumerate(pairs)]
+    return [Trial(kind, transport, seed, run, first + n) for n, (run, kind) in enumerate(pairs)]
 
 
 def run_campaign(

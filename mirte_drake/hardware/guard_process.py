@@ -2,7 +2,6 @@
 
 import contextlib
 import dataclasses as dc
-import gc
 import os
 import select
 import signal
@@ -134,8 +133,6 @@ def serve(setup: GuardSetup, on_ready: Callable[[], None] = lambda: None) -> Non
         return bool(told) or time.monotonic() - alone_since > LINGER
 
     with open_link(setup.wire, Role.GUARD) as link:
-        gc.collect()
-        gc.freeze()  # What is there now is here to stay: no need to look through it again.
         run_guard(link, setup.governor, setup.start, on_ready=on_ready, until=over)
 
 

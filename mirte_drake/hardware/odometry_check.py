@@ -11,6 +11,7 @@ is as old as it came later. What happens when
 - it steps back further: odometry is out of order, and rejected until the clock has caught up or
   ``restart_after`` is over;
 - the robot restarts: the same. The track then begins anew, whatever its clock and its pose say;
+- the first message of a track is late: it counts as fresh until a faster one has come;
 - every message is late by the same time: nothing here can see it.
 """
 

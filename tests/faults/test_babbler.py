@@ -1,3 +1,4 @@
+import os
 import struct
 import time
 
@@ -15,7 +16,8 @@ KINDS = (Odometry, DriveCommand, WheelCommand)
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_on_lcm_nonsense_is_counted_and_sense_gets_through(kind):
-    wire = LcmWireConfig(url="udpm://239.255.76.67:17999?ttl=0")
+    port = 16000 + os.getpid() % 1000  # No two processes of tests meet.
+    wire = LcmWireConfig(url=f"udpm://239.255.76.67:{port}?ttl=0")
     with open_link(wire, Role.GUARD) as guard:
         babbler = join_wire(wire, kind)
         rng = np.random.default_rng(0)

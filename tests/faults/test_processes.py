@@ -6,6 +6,8 @@ import pytest
 
 from mirte_drake.faults.processes import be_punctual, child_of, is_alive, waiting_time
 
+pytestmark = pytest.mark.xdist_group("wire")  # In real time: one after the other.
+
 
 @pytest.fixture
 def family():

@@ -1,12 +1,9 @@
-"""A world around a governor, and a judge that knows only what happened in it.
+"""A world around a governor: what can happen to it, in bytes."""
 
-The judge demands what a person with a stopwatch would. It shares no code with the governor.
-"""
-
-import cmath
 import math
 
 import numpy as np
+from governor_judge import AGE, INF, NAN, REACH, SLEW, START, TINY, Judge
 
 from mirte_drake.hardware.governor import Governor
 from mirte_drake.hardware.governor_config import GovernorConfig
@@ -18,19 +15,6 @@ from mirte_drake.hardware.messages import (
     WheelCommand,
 )
 
-AGE = 0.23  # [s] Limit of odometry and controller.
-STALL = 0.1  # [s]
-SLEW, SLEW_TIME = 300.0, 0.1  # [pwm/s], [s]
-REACH = 0.4  # [m] Half a side of the allowed area.
-OFF, TURNED = 0.5, 0.8  # [m], [rad]
-BREAKAWAY, FROZEN = 40.0, 0.5  # [pwm], [s]
-FAILURES = 3
-STILL = [0, 0, 0, 0]
-START = (0.1, -0.2, 0.5)
-TINY = 1e-5  # What the float of a stamp loses is 2.4e-7 s.
-
-NAN, INF = math.nan, math.inf
-NEVER = -math.inf
 NO_VECTORS = [
     *(np.array([0.0, bad, 0.0]) for bad in (NAN, INF, -INF)),
     *(np.zeros(shape) for shape in ((), (0,), (2,), (4,), (3, 1), (1, 3))),
@@ -48,37 +32,17 @@ NO_COMMANDS = [
 NO_STAMPS = [-1, 2**63, 10**30, 10**400, None, NAN]
 
 
-class World:
-    """A robot, controllers, an operator and others, a governor, and the judge's memory."""
+class World(Judge):
+    """A robot, controllers, an operator and others, a governor, and its judge."""
 
     def __init__(self):
         area = np.array([START[0] - REACH, START[1] - REACH, START[0] + REACH, START[1] + REACH])
         config = GovernorConfig(allowed_area=area, slew_limit=SLEW)
-        self.governor = Governor(config, np.array(START))
-        self.now = 100.0
-        self.clock = 5e8  # [s] What the robot's is ahead.
-        self.pose = [1.0, -2.0, 3.0]  # Yaw not wrapped.
+        super().__init__(Governor(config, np.array(START)), 100.0, [1.0, -2.0, 3.0])
+        self.clean = True  # All has been well so far.
         self.frozen = False
         self.session, self.sequence = 1, 0
         self.stamp = 0  # [ns] of the last odometry.
-        # The judge's. Honest: no stamp has lied so far, nor has the robot been silent for long,
-        # so that whatever it said is accepted and its age is known.
-        self.honest, self.clean = True, True
-        self.messages = 0  # Of odometry.
-        self.arrived = self.measured = NEVER  # [s] The last odometry that makes sense.
-        self.same_since = self.pushed_since = INF
-        self.highest = {}  # Sequence, by session.
-        self.heartbeat = {}  # [s], by session.
-        self.wanted = {}  # Commands, by session and sequence.
-        self.failed = {}  # Solves in a row, by session.
-        self.start = {}  # Poses, by session.
-        self.over = set()  # Sessions that must not drive again.
-        self.done_heard = set()  # Sessions that may be over.
-        self.latched = False
-        self.held = STILL
-        self.passed, self.passed_at = (0, 0), NEVER
-        self.looked = self.now
-        self.status = self.governor.output(self.now)[1]
 
     # What can happen. Each takes a byte.
 
@@ -129,7 +93,7 @@ class World:
         self.clean = False
         for _ in range(1 + byte % 4):
             self.advance(0.1)
-            if not self.honest or self.now - self.arrived > 0.9:  # It may be believed.
+            if not self.honest or self.now - self.prompt > 0.9:  # It may be believed.
                 self.honest, self.arrived = False, self.now
             stamp = self.stamp - [0, 1, 10**8, 10**12][byte // 4 % 4]
             odometry = Odometry(max(stamp, 0), np.array(self.pose), np.zeros(3))
@@ -275,148 +239,31 @@ class World:
             self.pose = [self.pose[0] + dx, self.pose[1] + dy, self.pose[2] + dyaw]
             self.same_since = INF  # Until somebody has seen it.
 
-    def expire(self):
-        """Nothing that comes too late helps."""
-        silence = self.now - self.heartbeat.get(self.status.session, NEVER)
-        if self.driving() and max(silence, self.age()) > AGE + TINY:
-            self.latched = True
-
-    def age(self):
-        """How old the odometry is at least."""
-        return self.now - min(self.arrived, self.measured if self.honest else INF)
-
     def odometry(self, late=0.0, stamp=None):
-        self.expire()
-        self.messages += 1
-        silent = self.now - self.arrived > 0.9 if self.messages > 1 else late > 0
-        if silent or self.messages > 50:  # The window forgets; a track may begin anew.
-            self.honest = False
+        self.hear_odometry(late)
         measured = self.now - late
-        self.arrived, self.measured = self.now, max(self.measured, measured)
-        self.same_since = min(self.same_since, self.now)
         self.stamp = round(1e9 * (measured + self.clock)) if stamp is None else stamp
         x, y, yaw = self.pose
         pose = np.array([x, y, math.remainder(yaw, 2 * math.pi)])
-        stalled = self.now - self.looked > STALL
         self.governor.on_odometry(Odometry(self.stamp, pose, np.zeros(3)), self.now)
-        if self.driving() and self.honest and late == 0 and not stalled:
-            self.latched |= self.outside()
-            self.latched |= self.now - max(self.same_since, self.pushed_since) > FROZEN + TINY
 
     def command(self, command, *, sense=True, off=(0.0, 0.0, 0.0), turns=0, **fields):
         """The controller says something; whether it makes sense."""
-        self.expire()
-        session = fields.setdefault("session", self.session)
-        sequence = fields.setdefault("sequence", self.sequence)
-        self.sequence = max(self.sequence, sequence) + 1
-        reference = np.add(np.add(self.pose, off), (0.0, 0.0, 2 * math.pi * turns))
-        fields = {"reference": reference, "odometry_stamp": self.stamp} | fields
-        fields.setdefault("solve_failed", False)
-        driving = self.driving()
-        if driving and session != self.status.session:
-            self.latched = True
-        if not driving:
-            self.start[session] = list(self.pose)
-        if not driving or sequence > self.highest.get(session, NEVER):
-            self.highest[session] = sequence
-            self.hear(command, session, sequence, driving, sense, off, fields)
+        fields = {
+            "session": self.session,
+            "sequence": self.sequence,
+            "reference": np.add(np.add(self.pose, off), (0.0, 0.0, 2 * math.pi * turns)),
+            "odometry_stamp": self.stamp,
+            "solve_failed": False,
+        } | fields
+        self.sequence = max(self.sequence, fields["sequence"]) + 1
+        self.hear_command(command, sense, off, fields)
         self.governor.on_drive_command(DriveCommand(command=command, **fields), self.now)
-
-    def hear(self, command, session, sequence, driving, sense, off, fields):
-        """The judge hears a command that is not a repetition."""
-        if fields.get("done"):
-            self.done_heard.add(session)
-            if driving and session == self.status.session:
-                self.over.add(session)
-            return
-        mine = driving and session == self.status.session
-        if not sense:
-            self.latched |= mine
-            return
-        self.heartbeat[session] = self.now
-        self.wanted.setdefault((session, sequence), []).append(command)
-        failed = self.failed.get(session, 0) + 1 if mine and fields["solve_failed"] else 0
-        self.failed[session] = failed
-        self.latched |= mine and failed >= FAILURES
-        if mine and self.honest:
-            ago = self.now + self.clock - 1e-9 * fields["odometry_stamp"]
-            self.latched |= abs(ago) > AGE + TINY
-            astray = math.hypot(off[0], off[1]) > OFF + TINY or abs(off[2]) > TURNED + TINY
-            self.latched |= astray
 
     def maybe_look(self, byte):
         """Looks at once after half of all that happens."""
         if byte >= 128:
             self.look()
-
-    # The judge.
-
-    def driving(self):
-        """Whether a drive was under way at the last look, and nobody has ended it since."""
-        session = self.status.session
-        ended = self.status.stopped or session in self.over | self.done_heard
-        return session != 0 and not ended
-
-    def outside(self):
-        x, y, yaw = self.start[self.status.session]
-        turn = cmath.exp(1j * (START[2] - yaw))
-        way = complex(self.pose[0] - x, self.pose[1] - y) * turn
-        return max(abs(way.real), abs(way.imag)) > REACH + TINY
-
-    def look(self):
-        """The guard looks at the governor, and the judge at what it sends."""
-        was_driving, before = self.driving(), self.status
-        stalled = self.now - self.looked > STALL + TINY
-        self.looked = self.now
-        command, self.status = self.governor.output(self.now)
-        if command is not None:
-            self.judge_command(command)
-        status = self.status
-        assert status.command.tolist() == self.held
-        assert bool(status.reason) == status.stopped
-
-        silence = self.now - self.heartbeat.get(status.session, NEVER)
-        must_stop = max(silence, self.age()) > AGE + TINY or (stalled and was_driving)
-        if must_stop or self.latched or status.stopped or status.session in self.over:
-            assert self.held == STILL, "the wheels turn where they must not"
-        if self.latched or (was_driving and must_stop):
-            assert status.stopped, "no stop where one is due"
-        if status.stopped:
-            self.latched = True
-            self.over.add(status.session)
-        if before.session != status.session:
-            self.over.add(before.session)
-
-    def judge_command(self, command):
-        assert command.shape == (4,)
-        assert command.dtype.kind == "i"
-        command = command.tolist()
-        number = self.status.session, self.status.sequence
-        new = number != self.passed and number in self.wanted
-        if command != STILL:
-            assert new, "a command that nobody gave"
-            assert max(map(abs, command)) <= 100
-            assert any(self.is_towards(wanted, command) for wanted in self.wanted[number])
-            first = number[0] != self.passed[0]
-            elapsed = SLEW_TIME if first else min(self.now - self.passed_at, SLEW_TIME)
-            change = max(abs(u - held) for u, held in zip(command, self.held, strict=True))
-            assert change <= SLEW * elapsed + TINY
-        if new:
-            self.passed, self.passed_at = number, self.now
-        self.held = command
-        u1, u2, u3, u4 = command
-        useless = (u1 + u2 - u3 - u4) / 4
-        pushing = math.sqrt(max(sum(u * u for u in command) / 4 - useless**2, 0.0))
-        if pushing < BREAKAWAY - TINY:
-            self.pushed_since = INF
-        elif self.pushed_since == INF:
-            self.pushed_since = self.now
-
-    def is_towards(self, wanted, command):
-        """Whether a command is what was wanted, or between that and the one before."""
-        whole = [min(max(round(u), -100), 100) for u in wanted]
-        both = zip(self.held, whole, command, strict=True)
-        return all(min(held, u) <= sent <= max(held, u) for held, u, sent in both)
 
 
 # What a byte stands for: mostly all is well, so that other things happen to a robot that drives.

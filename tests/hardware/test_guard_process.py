@@ -20,7 +20,10 @@ from mirte_drake.hardware.messages import DriveCommand, GuardStatus, Odometry, W
 from mirte_drake.hardware.wire_config import LcmWireConfig, Ros2WireConfig, open_link
 from mirte_drake.typed_yaml import parse_typed
 
-pytestmark = pytest.mark.xdist_group("wire")  # In real time: one after the other.
+pytestmark = [
+    pytest.mark.realtime,
+    pytest.mark.xdist_group("wire"),
+]  # In real time: one after the other.
 
 PATIENCE = 10.0  # [s] For what takes well under a second, on a busy machine.
 BUSY = 0.1  # [s] That a test may be late for what it sees.

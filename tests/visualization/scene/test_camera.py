@@ -1,18 +1,8 @@
 import numpy as np
 import pytest
+from projection import seen_at
 
-from mirte_drake.visualization.scene.camera import ASPECT, FIELD_OF_VIEW, MARGINS, camera_pose
-
-
-def seen_at(points, position, target) -> np.ndarray:
-    """Where points (n, 3) are in the picture: -1 to 1 from left to right, from bottom to top."""
-    ahead = (target - position) / np.linalg.norm(target - position)
-    right = np.cross(ahead, [0, 0, 1])
-    right /= np.linalg.norm(right)
-    up = np.cross(right, ahead)
-    to = points - position
-    half = np.tan(FIELD_OF_VIEW / 2) * (to @ ahead)
-    return np.column_stack([to @ right / (ASPECT * half), to @ up / half])
+from mirte_drake.visualization.scene.camera import MARGINS, camera_pose
 
 
 @pytest.mark.parametrize("seed", range(20))
