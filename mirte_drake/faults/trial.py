@@ -60,13 +60,15 @@ def run_trial(trial: Trial, kind: Kind | None = None) -> Outcome:
         kind: What is done and what must come of it; None: the kind that the trial names.
     """
     kind = kind or find_kind(trial.kind)
-    for void in range(REPEATS + 1):
+    void = 0
+    while True:
         try:
             record = _run_once(trial, kind)
         except Exception as error:  # Of whatever kind: the campaign goes on.
             return Outcome(trial, Verdict(False, np.nan, "", (f"the trial failed: {error!r}",)))
-        if record.pause <= LONGEST_PAUSE:
+        if record.pause <= LONGEST_PAUSE or void == REPEATS:
             break
+        void += 1
     verdict = judge(record, kind.oracle(record), within=kind.within, reasons=kind.reasons)
     problems = verdict.problems
     if not np.isfinite(record.fault):

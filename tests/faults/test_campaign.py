@@ -28,7 +28,7 @@ pytestmark = [
 
 def outcome(kind, run, stop_time=np.nan, reason="drove on", problems=()):
     verdict = Verdict(bool(np.isfinite(stop_time)), stop_time, reason, problems)
-    return Outcome(Trial(kind, "lcm", 0, run, run), verdict, 1.0, 0.001, ("what happened",))
+    return Outcome(Trial(kind, "lcm", 0, run, run), verdict, timeline=("what happened",))
 
 
 OUTCOMES = [
