@@ -28,6 +28,7 @@ from mirte_drake.systems.nominal_nmpc import NominalNmpc
 from mirte_drake.wire_session import wire_to
 
 PRELOADED = ["mirte_drake.faults.preload"]
+PRIORITY = 20  # In real time; above that of guards, who need some time to start in other trials.
 LIFETIME = 30  # [s] Nobody is left behind should the trial die.
 
 
@@ -123,7 +124,7 @@ def be_punctual(punctual: bool) -> None:
 
     What else this machine does, other trials first of all, is no part of a trial.
     """
-    policy, priority = (os.SCHED_RR, 1) if punctual else (os.SCHED_OTHER, 0)
+    policy, priority = (os.SCHED_RR, PRIORITY) if punctual else (os.SCHED_OTHER, 0)
     for thread in Path("/proc/self/task").iterdir():
         with suppress(OSError):
             os.sched_setscheduler(int(thread.name), policy, os.sched_param(priority))

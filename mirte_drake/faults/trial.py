@@ -87,16 +87,11 @@ def _run_once(trial: Trial, kind: Kind) -> Record:
     # A fault is the same in each trial of a kind and seed, whatever else runs.
     rng = np.random.default_rng([trial.seed, trial.run, zlib.crc32(kind.name.encode())])
     scenario, robot = scenarios(trial, kind)
-    bench = Bench(
-        scenario,
-        robot,
-        kind.sabotage,
-        kind.strangers,
-        rng,
-        own_guard=trial.own_guard and not kind.deafens,
-        deafens=kind.deafens,
-    )
-    with bench, few_pauses():
+    guard = {"own_guard": trial.own_guard and not kind.deafens, "deafens": kind.deafens}
+    with (
+        few_pauses(),
+        Bench(scenario, robot, kind.sabotage, kind.strangers, rng, **guard) as bench,
+    ):
         return observe(bench, kind, rng)
 
 
