@@ -33,9 +33,8 @@ from mirte_drake.scenario import Scenario, wired_robot
 from mirte_drake.stand_in import StandIn
 from mirte_drake.vectors import WHEELS
 
-FOREIGN_COMMAND = np.array(
-    [7.0, 11.0, 13.0, 9.0]
-)  # [pwm] None that a controller is likely to send.
+# [pwm] None that a controller is likely to send.
+FOREIGN_COMMAND = np.array([7.0, 11.0, 13.0, 9.0])
 HUGE_COMMAND = np.full(len(WHEELS), 1e9)  # [pwm]
 
 
