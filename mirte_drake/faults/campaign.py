@@ -20,7 +20,7 @@ COLUMNS = (
     *("kind", "transport", "seed", "run"),
     *("passed", "stop_due", "stop_time_s"),
     *("reason", "problems"),
-    *("fault_s", "starved_s", "void"),
+    *("fault_s", "starved_s", "pause_s"),
 )
 
 
@@ -71,7 +71,6 @@ def _row(kind: str, outcomes: Sequence[Outcome]) -> dict[str, object]:
         "due": KINDS[kind].outcome,
         "runs": len(verdicts),
         "passed": sum(verdict.passed for verdict in verdicts),
-        "void": sum(outcome.void for outcome in outcomes),
         "stops_due": len(times),
         "stop_time_s": {
             "p50": float(np.median(times)) if times else None,
@@ -110,9 +109,6 @@ def report_text(summary: dict) -> str:
         lines += [f"{'':30}  {count} x {what}" for what, count in row["problems"].items()]
     runs, passed = (sum(row[key] for row in summary["kinds"]) for key in ("runs", "passed"))
     lines.append(f"{len(summary['kinds'])} kinds, {runs} trials, {passed} passed")
-    void = sum(row["void"] for row in summary["kinds"])
-    if void:
-        lines.append(f"{void} void trials were repeated: this machine held up who looked on")
     return "\n".join(lines)
 
 
@@ -136,7 +132,7 @@ def save_trials(outcomes: Sequence[Outcome], path: Path) -> None:
                 *(trial.kind, trial.transport, trial.seed, trial.run),
                 *(verdict.passed, verdict.due, verdict.stop_time),
                 *(verdict.reason, "; ".join(verdict.problems)),
-                *(outcome.fault, outcome.starved, outcome.void),
+                *(outcome.fault, outcome.starved, outcome.pause),
             )
             writer.writerow(row)
 

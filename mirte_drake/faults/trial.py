@@ -18,10 +18,6 @@ from mirte_drake.robots.names import robot_override
 from mirte_drake.scenario import Scenario, load_scenario
 
 PATIENCE = 10.0  # [s] For the drive to begin.
-# [s] Who looks on must not be held up for longer, as by a busy machine: it is the robot as well,
-# whose odometry is then late, and knows the time of no command that comes meanwhile.
-LONGEST_PAUSE = 0.05
-REPEATS = 5  # A trial in which it was is void, whatever came of it, and repeated so many times.
 
 
 @dc.dataclass(frozen=True)
@@ -48,42 +44,35 @@ class Outcome:
     verdict: Verdict
     fault: float = np.nan  # [s] after the drive began.
     starved: float = np.nan  # [s] Longest that one of the processes got no processor.
-    void: int = 0  # So many trials before this one were void.
+    pause: float = np.nan  # [s] Longest that who looks on, who is the robot too, was held up.
     timeline: tuple[str, ...] = ()  # Of a trial that failed.
 
 
 def run_trial(trial: Trial, kind: Kind | None = None) -> Outcome:
-    """Runs a trial in real time, again where it is void.
+    """Runs a trial in real time; a failure of the trial itself is one of its problems.
 
     Args:
         trial: The trial.
         kind: What is done and what must come of it; None: the kind that the trial names.
     """
     kind = kind or find_kind(trial.kind)
-    void = 0
-    while True:
-        try:
-            record = _run_once(trial, kind)
-        except Exception as error:  # Of whatever kind: the campaign goes on.
-            return Outcome(trial, Verdict(False, np.nan, "", (f"the trial failed: {error!r}",)))
-        if record.pause <= LONGEST_PAUSE or void == REPEATS:
-            break
-        void += 1
+    try:
+        record = _run(trial, kind)
+    except Exception as error:  # Of whatever kind: the campaign goes on.
+        return Outcome(trial, Verdict(False, np.nan, "", (f"the trial failed: {error!r}",)))
     verdict = judge(record, kind.oracle(record), within=kind.within, reasons=kind.reasons)
     problems = verdict.problems
     if not np.isfinite(record.fault):
         problems = (f"the drive did not begin ({record.ended})",)
     elif not kind.took_place(record):
         problems = (*problems, "the fault did not take place")
-    if record.pause > LONGEST_PAUSE:
-        problems = (*problems, f"who looks on was held up for {record.pause:.2f} s")
     verdict = dc.replace(verdict, problems=problems)
     starved = max(record.starved.values(), default=np.nan)
     timeline = () if verdict.passed else tuple(record.timeline())
-    return Outcome(trial, verdict, record.fault - record.start, starved, void, timeline)
+    return Outcome(trial, verdict, record.fault - record.start, starved, record.pause, timeline)
 
 
-def _run_once(trial: Trial, kind: Kind) -> Record:
+def _run(trial: Trial, kind: Kind) -> Record:
     # A fault is the same in each trial of a kind and seed, whatever else runs.
     rng = np.random.default_rng([trial.seed, trial.run, zlib.crc32(kind.name.encode())])
     scenario, robot = scenarios(trial, kind)

@@ -4,7 +4,6 @@ import dataclasses as dc
 import numpy as np
 import pytest
 from cli_runner import check_wrong_use, run_cli
-from fault_records import drive
 
 from mirte_drake.faults import trial as trial_module
 from mirte_drake.faults.campaign import (
@@ -65,30 +64,13 @@ def test_the_table():
     assert stopping.split()[1:7] == ["3", "2", "3", "235", "261", "250"]
     assert "1 x zero too late" in "\n".join(lines)
     assert lines[-1] == "2 kinds, 4 trials, 3 passed"
-    again = dc.replace(OUTCOMES[0], void=2)
-    assert report_text(report([again])).splitlines()[-1].startswith("2 void trials were repeated")
-
-
-def test_a_trial_that_is_void_is_repeated_whatever_came_of_it(monkeypatch):
-    pauses = iter([0.3, 0.2, 0.01])
-
-    def run_once(trial, kind):
-        return dc.replace(drive(), pause=next(pauses))
-
-    monkeypatch.setattr(trial_module, "_run_once", run_once)
-    kind = drives_on("nothing")
-    repeated = run_trial(Trial("nothing", "lcm", 0, 0, 0), kind)
-    assert repeated.verdict.passed and repeated.void == 2
-    pauses = iter([0.3] * 100)
-    (problem,) = run_trial(Trial("nothing", "lcm", 0, 0, 0), kind).verdict.problems
-    assert "held up for 0.30 s" in problem
 
 
 def test_a_trial_that_breaks_down_has_failed(monkeypatch):
-    def run_once(trial, kind):
+    def run(trial, kind):
         raise OSError("no such process")
 
-    monkeypatch.setattr(trial_module, "_run_once", run_once)
+    monkeypatch.setattr(trial_module, "_run", run)
     outcome = run_trial(Trial("nothing", "lcm", 0, 0, 0), drives_on("nothing"))
     assert not outcome.verdict.passed and "no such process" in outcome.verdict.problems[0]
 
