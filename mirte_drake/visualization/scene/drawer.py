@@ -22,7 +22,7 @@ from mirte_drake.visualization.scene.stage import (
 TRAIL = f"{ROOT}/trail"
 
 _LAYERS = {"measured": TRAIL_LAYER, "true": TRUE_LAYER, "swept tube": TUBE_LAYER}
-_WIDTH = 0.006  # [m] Of a trail.
+_WIDTH = 0.006  # [m] Of a trail on a stage of ordinary size.
 
 
 class SceneDrawer:
@@ -41,7 +41,7 @@ class SceneDrawer:
             robot: What it looks like.
             horizon: N, of the plan.
         """
-        self._meshcat, self._robot = meshcat, robot
+        self._meshcat, self._robot, self._width = meshcat, robot, _WIDTH * stage.scale
         draw_stage(meshcat, stage)
         draw_robot(meshcat, robot)
         draw_display(meshcat, horizon)
@@ -61,17 +61,19 @@ class SceneDrawer:
         """
         ends = zip(trail.nominal[..., :2], trail.half_widths[..., :2], strict=True)
         boxes = [swept_box(p[0], d[0], p[1], d[1]) for p, d in ends if np.any(d)]
+        same = np.array_equal(trail.poses, trail.true_poses)
         pieces = {
-            "measured": ribbon(trail.poses[:, :2], _WIDTH),
-            "true": ribbon(trail.true_poses[:, :2], _WIDTH),
+            "measured": ribbon(trail.poses[:, :2], self._width),
+            "true": joined([] if same else [ribbon(trail.true_poses[:, :2], self._width)]),
             "swept tube": joined(boxes),
         }
-        if np.array_equal(trail.poses, trail.true_poses):
-            del pieces["true"]
         for name, mesh in pieces.items():
             path = f"{TRAIL}/{name.replace(' ', '_')}/{index}"
+            if not len(mesh.triangles):
+                self._meshcat.Delete(path)
+                continue
             draw_flat(self._meshcat, path, mesh, _LAYERS[name], rgba(name))
-            if span is not None and len(mesh.triangles):
+            if span is not None:
                 for shown, time in ((False, 0.0), *((True, time) for time in span)):
                     self._meshcat.SetProperty(path, "visible", shown, time)
 

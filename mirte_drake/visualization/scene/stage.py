@@ -31,6 +31,7 @@ _REACH = 0.26  # [m] From the robot's pose to the furthest that is drawn around 
 _HEIGHT = 0.3  # [m] Of all that is drawn above the floor.
 _MARGIN = 0.06  # [m] Of the floor around all that.
 _THICKNESS = 0.03  # [m] Of the floor, as a plate.
+_ORDINARY = 3.0  # [m] Up to this size of the floor all lines have their ordinary width.
 _CAMERA = "/Cameras/default/rotated/<object>"
 _LAMP = "/Lights/FillLight/<object>"
 _BRIGHTNESS = {"AmbientLight": 1.5, "FillLight": 2.0}  # Of Meshcat's lights that are on.
@@ -53,6 +54,19 @@ class Stage:
     patches: Sequence[Patch] = ()
     background: str = "light"  # A key of BACKGROUNDS.
 
+    @property
+    def floor(self) -> tuple[np.ndarray, np.ndarray]:
+        """Corners (2,) [m] of the floor, smallest and largest x and y."""
+        seen = np.vstack([self.path, self.places])
+        reach = _REACH + _MARGIN
+        return seen.min(axis=0) - reach, seen.max(axis=0) + reach
+
+    @property
+    def scale(self) -> float:
+        """How much wider than usual lines must be, to be seen from where all is seen."""
+        lower, upper = self.floor
+        return max(1.0, float(np.max(upper - lower)) / _ORDINARY)
+
 
 def draw_flat(meshcat: Meshcat, path: str, mesh: FlatMesh, height: float, color: Rgba) -> None:
     """Draws a flat mesh at a height [m]; without triangles there is nothing to draw."""
@@ -63,12 +77,11 @@ def draw_flat(meshcat: Meshcat, path: str, mesh: FlatMesh, height: float, color:
 
 def draw_stage(meshcat: Meshcat, stage: Stage) -> None:
     """Draws floor and reference path, and places lamp and camera so that all is seen."""
-    seen = np.vstack([stage.path, stage.places])
-    reach = _REACH + _MARGIN
-    lower, upper = seen.min(axis=0) - reach, seen.max(axis=0) + reach
+    lower, upper = stage.floor
     _draw_floor(meshcat, lower, upper, stage.patches)
     if len(stage.path):
-        line = joined(ribbon(piece, 0.009) for piece in dashes(stage.path, 0.04, 0.02))
+        width, dash, gap = stage.scale * np.array([0.009, 0.04, 0.02])
+        line = joined(ribbon(piece, width) for piece in dashes(stage.path, dash, gap))
         draw_flat(meshcat, f"{ROOT}/reference/path", line, PATH_LAYER, rgba("reference"))
     for name, color in zip(("top", "bottom"), BACKGROUNDS[stage.background], strict=True):
         meshcat.SetProperty("/Background/<object>", f"{name}_color", list(to_rgb(color)))
@@ -84,8 +97,9 @@ def _draw_floor(
     plate = f"{ROOT}/floor/plate"
     meshcat.SetObject(plate, Box(*(upper - lower), _THICKNESS), rgba("floor"))
     meshcat.SetTransform(plate, RigidTransform([*(lower + upper) / 2, -_THICKNESS / 2]))
+    decade = 10.0 ** max(0.0, np.floor(np.log10(np.max(upper - lower) / _ORDINARY)))
     for name, spacing, width in (("fine", 0.1, 0.0015), ("coarse", 0.5, 0.004)):
-        lines = grid(lower, upper, spacing, width)
+        lines = grid(lower, upper, decade * spacing, decade * width)
         draw_flat(meshcat, f"{ROOT}/floor/{name}", lines, GRID_LAYER, rgba("grid"))
     for i, patch in enumerate(patches):
         corners = [np.clip(patch.center + s * patch.size / 2, lower, upper) for s in (-1, 1)]
@@ -117,4 +131,7 @@ def _place_camera(meshcat: Meshcat, lower: np.ndarray, upper: np.ndarray) -> Non
     points = [[*corner, 0.0] for corner in corners] + [[*corner, _HEIGHT] for corner in inner]
     meshcat.SetProperty(_CAMERA, "fov", float(np.rad2deg(FIELD_OF_VIEW)))
     meshcat.SetProperty(_CAMERA, "near", 0.05)
-    meshcat.SetCameraPose(*camera_pose(np.array(points)))
+    position, target = camera_pose(np.array(points))
+    distance = float(np.linalg.norm(position - target))
+    meshcat.SetProperty(_CAMERA, "far", max(100.0, 4 * distance))
+    meshcat.SetCameraPose(position, target)

@@ -177,6 +177,14 @@ def test_a_true_pose_that_is_the_measured_one_has_no_trail_of_its_own(meshcat, d
     assert "/mirte/trail/true/0" not in meshcat.meshes
 
 
+def test_a_piece_takes_the_place_of_an_earlier_one_also_where_there_is_nothing(meshcat, drawer):
+    drawer.leave(TRAIL, 0)
+    still = Trail(*(0 * getattr(TRAIL, field.name) for field in dc.fields(TRAIL)))
+    drawer.leave(still, 0)
+    for name in ("measured", "true", "swept_tube"):
+        assert not meshcat.HasPath(f"/mirte/trail/{name}/0")
+
+
 def test_trails_can_be_removed(meshcat, drawer):
     drawer.leave(TRAIL, 0)
     drawer.forget()
@@ -211,6 +219,20 @@ def test_a_robot_without_a_known_path_has_a_floor(meshcat, robot):
     SceneDrawer(meshcat, stage, robot, HORIZON).draw(FRAME)
     assert "/mirte/reference/path" not in meshcat.meshes
     assert meshcat.objects["/mirte/floor/plate"][0].size()[0] > 2
+
+
+@pytest.mark.parametrize("size", [1.0, 30.0, 1000.0])
+def test_a_large_floor_has_lines_that_are_seen_and_not_too_many(size, meshcat, robot):
+    drawer = SceneDrawer(meshcat, dc.replace(STAGE, path=size * SQUARE), robot, HORIZON)
+    plate, _ = meshcat.objects["/mirte/floor/plate"]
+    for name in ("floor/fine", "floor/coarse", "reference/path"):
+        assert 4 <= meshcat.meshes[f"/mirte/{name}"][1].shape[1] < 5000
+    drawer.leave(TRAIL, 0)
+    trail = meshcat.meshes["/mirte/trail/measured/0"][0]
+    assert np.ptp(trail[1]) >= plate.size()[0] / 600
+    position, target = meshcat.camera
+    far = meshcat.properties["/Cameras/default/rotated/<object>", "far"]
+    assert far > 2 * np.linalg.norm(position - target)
 
 
 def test_light_and_dark(meshcat, robot):
