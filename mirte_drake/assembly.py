@@ -20,7 +20,7 @@ from mirte_drake.scenario import Scenario, WiredRobotConfig, load_prediction_mod
 from mirte_drake.systems.ancillary_dlqr import AddAncillaryDlqr
 from mirte_drake.systems.ancillary_inversion import AddAncillaryInversion
 from mirte_drake.systems.disturbance_source import AddDisturbanceSource, DisturbanceSource
-from mirte_drake.systems.inversion_tube import AddInversionTube
+from mirte_drake.systems.inversion_tube_updater import AddInversionTubeUpdater
 from mirte_drake.systems.nominal_nmpc import AddNominalNmpc
 from mirte_drake.systems.reference_source import AddReferenceSource, ReferenceSource
 from mirte_drake.systems.tube_updater import AddTubeUpdater
@@ -165,12 +165,12 @@ def MakeController(scenario: Scenario) -> Diagram:
     if tube is not None:
         updater = AddTubeUpdater(builder, tube, period=period, horizon=horizon, input_limit=limit)
         builder.Connect(ancillary.GetOutputPort("designs"), updater.GetInputPort("designs"))
-    if scenario.inversion_tube is not None:
+    if scenario.inversion_tube_updater is not None:
         assert law is not None
-        with _naming("inversion_tube"):
-            updater = AddInversionTube(
+        with _naming("inversion_tube_updater"):
+            updater = AddInversionTubeUpdater(
                 builder,
-                scenario.inversion_tube,
+                scenario.inversion_tube_updater,
                 model,
                 period=period,
                 horizon=horizon,

@@ -126,6 +126,9 @@ def _sample(diagram: Diagram, context: Context) -> dict[str, object]:
     if diagram.HasOutputPort("designs"):
         designs: tuple[DlqrDesign, ...] = evaluate("designs")  # type: ignore[assignment]
         gain = designs[0].gain
+    more = {}
+    if diagram.HasOutputPort("reached"):
+        more["reached"] = evaluate("reached")[0]  # type: ignore[index]
     disturbed = diagram.HasOutputPort("disturbance")
     return {
         "time": context.get_time(),
@@ -145,6 +148,7 @@ def _sample(diagram: Diagram, context: Context) -> dict[str, object]:
         "preparation_time_s": plan.preparation_time,
         "iterations": plan.iterations,
         "status": int(plan.status),
+        **more,
     }
 
 
@@ -157,6 +161,9 @@ def summarise(run: Run) -> dict[str, object]:
     correction = np.einsum("kij,kj->ki", log["gain"], deviation)
     stopping = log["status"][:, None] == SolveStatus.STOPPING
     asked = log["nominal_input"] - np.where(stopping, 0.0, correction)
+    beyond = np.abs(asked) > limit + ROUNDING
+    if "reached" in log:
+        beyond |= log["reached"][:, None] < 1.0
     statuses = [SolveStatus(status) for status in log["status"]]
     moves = np.abs(np.diff(log["nominal_input"], axis=0, prepend=0.0))
     return {
@@ -175,7 +182,7 @@ def summarise(run: Run) -> dict[str, object]:
         "early_solves": sum(status.early for status in statuses),
         "tube_violations": _count(np.abs(deviation) > log["half_width"] + ROUNDING),
         "successor_violations": _count(successor_error > log["half_width"][1:] + ROUNDING),
-        "input_violations": _count(np.abs(asked) > limit + ROUNDING),
+        "input_violations": _count(beyond),
         "rate_violations": _count(moves > run.rate_limit + ROUNDING),
         **({"wire": _wire_summary(run)} if "command_latency_s" in log else {}),
         "versions": versions(),

@@ -27,7 +27,7 @@ from mirte_drake.systems.disturbance_source import (
     RecordedDisturbance,
     UniformDisturbance,
 )
-from mirte_drake.systems.inversion_tube import InversionTubeConfig
+from mirte_drake.systems.inversion_tube_updater import InversionTubeUpdaterConfig
 from mirte_drake.systems.nominal_nmpc import NominalNmpcConfig
 from mirte_drake.systems.reference_source import ReferencePathConfig
 from mirte_drake.systems.tube_updater import TubeUpdaterConfig
@@ -47,7 +47,7 @@ KINDS = (
     *get_args(WiredRobotConfig),
 )
 # Tubes, and the ancillary laws that they are for.
-_TUBES = (("tube_updater", "ancillary_dlqr"), ("inversion_tube", "ancillary_inversion"))
+_TUBES = (("tube_updater", "ancillary_dlqr"), ("inversion_tube_updater", "ancillary_inversion"))
 JITTER = 0.012  # [s] Of odometry: the middle of what the robot's recordings look like.
 
 
@@ -71,7 +71,7 @@ class Scenario:
     tube_updater: TubeUpdaterConfig | None = dc.field(default_factory=TubeUpdaterConfig)
     # Instead of these two: an ancillary law that inverts the input map, and its tube.
     ancillary_inversion: AncillaryInversionConfig | None = None
-    inversion_tube: InversionTubeConfig | None = None
+    inversion_tube_updater: InversionTubeUpdaterConfig | None = None
     wheel_command_limiter: WheelCommandLimiterConfig = dc.field(
         default_factory=WheelCommandLimiterConfig
     )

@@ -91,30 +91,33 @@ def null_vector(J: np.ndarray) -> np.ndarray:
 
     It is not finite where the rows of J depend on each other.
     """
-    n = np.empty(4)
+    n, square = np.empty(4), 0.0
     for i in range(4):
         a, b, c = (i + 1) % 4, (i + 2) % 4, (i + 3) % 4
-        n[i] = (
+        minor = (
             J[0, a] * (J[1, b] * J[2, c] - J[1, c] * J[2, b])
             + J[0, b] * (J[1, c] * J[2, a] - J[1, a] * J[2, c])
             + J[0, c] * (J[1, a] * J[2, b] - J[1, b] * J[2, a])
         )
-    n[1::2] *= -1.0
-    return n / np.sqrt(np.sum(n * n))
+        n[i] = -minor if i % 2 else minor
+        square += minor**2
+    for i in range(4):
+        n[i] /= np.sqrt(square)
+    return n
 
 
 @compiled
 def _room(
-    start: np.ndarray, direction: np.ndarray, lower: np.ndarray, upper: np.ndarray
+    u: np.ndarray, step: np.ndarray, along: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> tuple[float, float]:
-    """Returns the least and the largest s with lower <= start + s direction <= upper."""
+    """Returns the least and the largest s with lower <= u + step + s along <= upper."""
     least, most = -np.inf, np.inf
     for i in range(4):
-        if direction[i] != 0.0:
-            s = (lower[i] - start[i]) / direction[i]
-            t = (upper[i] - start[i]) / direction[i]
+        start = u[i] + step[i]
+        if along[i] != 0.0:
+            s, t = (lower[i] - start) / along[i], (upper[i] - start) / along[i]
             least, most = max(least, min(s, t)), min(most, max(s, t))
-        elif not lower[i] <= start[i] <= upper[i]:
+        elif not lower[i] <= start <= upper[i]:
             return np.inf, -np.inf
     return least, most
 
@@ -136,20 +139,31 @@ def _newton(
     """
     n = null_vector(jacobian(mapping, near))
     u, system, right = start.copy(), np.empty((4, 4)), np.zeros((4, 2))
-    system[3], right[3, 1] = n, 1.0
+    right[3, 1] = 1.0
     for _ in range(MAX_ITERATIONS):
-        system[:3] = jacobian(mapping, u)
-        right[:3, 0] = target - velocity(mapping, u)
-        right[3, 0] = np.sum(n * (near - u))
+        J, v = jacobian(mapping, u), velocity(mapping, u)
+        right[3, 0] = 0.0
+        for i in range(4):
+            for r in range(3):
+                system[r, i] = J[r, i]
+            system[3, i] = n[i]
+            right[3, 0] += n[i] * (near[i] - u[i])
+        for r in range(3):
+            right[r, 0] = target[r] - v[r]
         solution = solve_linear(system, right)
-        step, along = solution[:, 0].copy(), solution[:, 1].copy()
-        least, most = _room(u + step, along, lower, upper)
+        step, along = solution[:, 0], solution[:, 1]
+        least, most = _room(u, step, along, lower, upper)
         inside = least <= most
         s = min(max(0.0, least), most) if inside else 0.5 * (least + most)
-        u = u + step + s * along
-        if np.max(np.abs(velocity(mapping, u) - target)) <= CONVERGED:
-            # A wheel at its limit may be past it by rounding.
-            return np.minimum(np.maximum(u, lower), upper), inside
+        for i in range(4):
+            u[i] += step[i] + s * along[i]
+        v, given = velocity(mapping, u), True
+        for r in range(3):
+            given = given and abs(v[r] - target[r]) <= CONVERGED
+        if given:
+            for i in range(4):  # A wheel at its limit may be past it by rounding.
+                u[i] = min(max(u[i], lower[i]), upper[i])
+            return u, inside
     return u, False
 
 

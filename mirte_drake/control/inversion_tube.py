@@ -182,20 +182,20 @@ def _least_room(
     Each is sound. ``bends`` (K, 2, 3) bounds how much a turn within the tube changes what moves
     of unit velocity give.
     """
-    best = np.full(4, np.inf)
+    best, least = np.full(4, np.inf), np.inf
     for k in range(len(inverses)):
-        blur = asked[:YAW].copy()  # A first guess, and an upper bound if it proves one.
+        blur, sound = asked[:YAW].copy(), True  # A guess that must prove an upper bound.
         for _ in range(PASSES):
             room, z = _room(inverses[k], H, asked, blur)
-            smaller = bends[k, :, YAW] * z
             for c in range(YAW):
-                smaller += bends[k, :, c] * (asked[c] + blur[c])
-            if not np.all(smaller <= blur):
-                room[:] = np.inf
-                break
-            blur = smaller
-        if np.max(room) < np.max(best):
-            best = room
+                smaller = bends[k, c, YAW] * z
+                for i in range(YAW):
+                    smaller += bends[k, c, i] * (asked[i] + blur[i])
+                sound = sound and smaller <= blur[c]
+                blur[c] = smaller
+        largest = max(room[0], room[1], room[2], room[3])
+        if sound and largest < least:
+            best, least = room, largest
     return best
 
 
@@ -216,18 +216,20 @@ def _room(
     room, largest, square = np.zeros(4), 0.0, _form(D, H, D)
     for quadrant in range(4):
         for corner in range(4):
-            move = np.zeros(4)
+            move = moves[corner]
+            move[:] = 0.0
             for c in range(YAW):
                 side = 1.0 if quadrant >> c & 1 else -1.0
-                move += C[:, c] * side * (asked[c] + blur[c] if corner >> c & 1 else -blur[c])
-            moves[corner] = move
+                y = side * (asked[c] + blur[c] if corner >> c & 1 else -blur[c])
+                for i in range(4):
+                    move[i] += C[i, c] * y
             constant[corner], linear[corner] = _form(move, H, move), 2.0 * _form(move, H, D)
         for s in (1.0, -1.0):
             bulge = 0.0
             for c in range(YAW):
                 curvature = max(s * _form(C[:, c], H, C[:, c]), 0.0)
                 bulge += 0.25 * (asked[c] + 2.0 * blur[c]) ** 2 * curvature
-            z = _least_solution(s * constant, linear, s * square, asked[YAW] + bulge)
+            z = _least_solution(s, constant, linear, square, asked[YAW] + bulge)
             largest = max(largest, z)
             for corner in range(4):
                 for i in range(4):
@@ -236,17 +238,21 @@ def _room(
 
 
 @compiled
-def _least_solution(constant: np.ndarray, linear: np.ndarray, square: float, asked: float) -> float:
-    """Returns z >= 0 with z + min(constant + linear z) + square z^2 >= asked, or inf."""
+def _least_solution(
+    s: float, constant: np.ndarray, linear: np.ndarray, square: float, asked: float
+) -> float:
+    """Returns z >= 0 with s constant + (1 + linear) z + s square z^2 >= asked for all, or inf."""
     z = 0.0
     for corner in range(len(constant)):
-        missing, slope = asked - constant[corner], 1.0 + linear[corner]
+        missing, slope = asked - s * constant[corner], 1.0 + linear[corner]
         if missing > 0.0:
-            root = np.sqrt(slope**2 + 4.0 * square * missing)
+            root = np.sqrt(slope**2 + 4.0 * s * square * missing)
             z = max(z, 2.0 * missing / (slope + root))
     z *= 1.0 + SLACK
-    holds = z + np.min(constant + linear * z) + square * z**2 >= asked
-    return z if holds and z >= 0.0 else np.inf
+    for corner in range(len(constant)):
+        if not s * (constant[corner] + square * z**2) + (1.0 + linear[corner]) * z >= asked:
+            return np.inf
+    return z
 
 
 @compiled

@@ -31,7 +31,8 @@ class TurningMap(NamedTuple):
 
 
 def _sum(*parts: tuple[float, InputMap]) -> InputMap:
-    return InputMap(*(sum(f * m[i] for f, m in parts) for i in range(len(InputMap._fields))))
+    scaled = [[factor * entries for entries in mapping] for factor, mapping in parts]
+    return InputMap(*(np.sum(entries, axis=0) for entries in zip(*scaled, strict=True)))
 
 
 def turning_map(model: PredictionModel) -> TurningMap:

@@ -55,16 +55,16 @@ def propagate(nominal, x, u, half_width=HALF_WIDTH) -> np.ndarray:
     )
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(seeds)
 def test_swept_bound_is_the_largest_rotated_bound_of_the_sweep(seed):
     rng = np.random.default_rng(seed)
     bound, yaw, spread = rng.uniform(0, 1, 3), rng.uniform(-7, 7), rng.uniform(0, 2)
     swept = swept_bound(bound, yaw, spread)
-    on_the_way = [rotated_bound(bound, yaw + s) for s in np.linspace(-spread, spread, 2001)]
+    on_the_way = [rotated_bound(bound, yaw + s) for s in np.linspace(-spread, spread, 401)]
     largest = np.max(on_the_way, axis=0)
     assert np.all(largest <= swept + 1e-12)
-    np.testing.assert_allclose(largest, swept, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(largest, swept, rtol=0, atol=1e-4)
 
 
 def test_swept_bound_without_a_sweep_is_the_rotated_bound():
@@ -110,7 +110,7 @@ def test_reach_holds_every_disturbance_and_is_nearly_reached(seed):
         assert np.all(moved >= 0.9 * reach)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(seeds)
 def test_successor_of_every_error_under_every_disturbance_is_in_the_tube(seed):
     rng = np.random.default_rng(seed)

@@ -25,8 +25,8 @@ from mirte_drake.vectors import YAW
 
 
 @dc.dataclass
-class InversionTubeConfig:
-    """Config of InversionTube; the defaults are the study's disturbance."""
+class InversionTubeUpdaterConfig:
+    """Config of InversionTubeUpdater; the defaults are the study's disturbance."""
 
     disturbance_bound: np.ndarray = dc.field(  # (3,) [m/s, m/s, rad/s] w_max, body frame.
         default_factory=lambda: np.array([0.04, 0.03, 0.09])
@@ -43,12 +43,12 @@ class InversionTubeConfig:
         check_number("initial_input_limit", self.initial_input_limit, minimum=0)
 
 
-class InversionTube(LeafSystem):
+class InversionTubeUpdater(LeafSystem):
     """Holds the half-widths d_k of the box around the nominal state, and the tightened bounds.
 
     .. pydrake_system::
 
-        name: InversionTube
+        name: InversionTubeUpdater
         input_ports:
         - plan
         - state
@@ -81,7 +81,7 @@ class InversionTube(LeafSystem):
 
     def __init__(
         self,
-        config: InversionTubeConfig,
+        config: InversionTubeUpdaterConfig,
         model: SparseModel,
         *,
         period: float,
@@ -145,19 +145,19 @@ class InversionTube(LeafSystem):
         next_state.set_value(self._upper, upper)
 
 
-def AddInversionTube(
+def AddInversionTubeUpdater(
     builder: DiagramBuilder,
-    config: InversionTubeConfig,
+    config: InversionTubeUpdaterConfig,
     model: SparseModel,
     *,
     period: float,
     horizon: int,
     feedback: float,
     input_limit: float = 100.0,
-    name: str = "inversion_tube",
-) -> InversionTube:
-    """Adds an InversionTube to ``builder``; the caller connects its ports."""
-    system = InversionTube(
+    name: str = "inversion_tube_updater",
+) -> InversionTubeUpdater:
+    """Adds an InversionTubeUpdater to ``builder``; the caller connects its ports."""
+    system = InversionTubeUpdater(
         config,
         model,
         period=period,
