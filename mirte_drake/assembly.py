@@ -19,6 +19,7 @@ from mirte_drake.robots.wired_robot import wired_ports
 from mirte_drake.scenario import Scenario, WiredRobotConfig, load_prediction_model
 from mirte_drake.systems.ancillary_dlqr import AddAncillaryDlqr
 from mirte_drake.systems.ancillary_inversion import AddAncillaryInversion
+from mirte_drake.systems.coverage_monitor import AddCoverageMonitor
 from mirte_drake.systems.disturbance_source import AddDisturbanceSource, DisturbanceSource
 from mirte_drake.systems.inversion_tube_updater import AddInversionTubeUpdater
 from mirte_drake.systems.nominal_nmpc import AddNominalNmpc
@@ -30,6 +31,9 @@ from mirte_drake.systems.velocity_setpoint import (
     VelocitySetpointSource,
 )
 from mirte_drake.systems.wheel_command_limiter import AddWheelCommandLimiter
+
+# Outputs of the coverage monitor.
+COVERAGE = ("prediction_error", "calibrated_bound", "coverage", "coverage_warning")
 
 
 def AddRobot(
@@ -109,11 +113,16 @@ def MakeController(scenario: Scenario) -> Diagram:
         - half_width
         - designs
         - reached
+        - prediction_error
+        - calibrated_bound
+        - coverage
+        - coverage_warning
 
     ``pose`` (3,) [m, m, rad] is measured, yaw unwrapped; ``reference_window`` (3 (N+1),) holds
     r_k, ..., r_{k+N}; ``wheel_command`` (4,) [pwm] is held for T_s. At a sample everything
     follows from the pose at that instant. ``half_width`` is there with a tube, ``designs`` with
-    the ancillary DLQR, ``reached`` with the ancillary inversion; the baseline NMPC has none.
+    the ancillary DLQR, ``reached`` with the ancillary inversion, the last four with a coverage
+    monitor; the baseline NMPC has none.
 
     Raises:
         UserError: when the prediction model has states beside the pose, cannot be read, or cannot
@@ -186,6 +195,15 @@ def MakeController(scenario: Scenario) -> Diagram:
         for port in ("half_width", "input_lower", "input_upper"):
             builder.Connect(updater.GetOutputPort(port), nmpc.GetInputPort(port))
         builder.ExportOutput(updater.GetOutputPort("half_width"), "half_width")
+    if scenario.coverage_monitor is not None:
+        monitor = AddCoverageMonitor(builder, scenario.coverage_monitor, model, period=period)
+        for port in ("pose", "state"):
+            builder.ConnectInput("pose", monitor.GetInputPort(port))
+        builder.Connect(
+            limiter.GetOutputPort("limited_command"), monitor.GetInputPort("wheel_command")
+        )
+        for port in COVERAGE:
+            builder.ExportOutput(monitor.GetOutputPort(port), port)
     controller = builder.Build()
     controller.set_name("controller")
     return controller
@@ -233,8 +251,8 @@ def MakeDiagram(scenario: Scenario, link: Link | None = None, session: int = 0) 
         session: Number of this controller for the guard.
 
     With a VelocitySetpointConfig as reference there is an input ``velocity_setpoint`` (3,), which
-    may stay open. The controller's further outputs (``half_width``, ``designs``, ``reached``,
-    ``solve_status``) are exported too where it has them.
+    may stay open. The controller's further outputs, see ``MakeController``, are exported too
+    where it has them.
 
     Raises:
         ValueError: when the scenario is out of range; UserError is one.

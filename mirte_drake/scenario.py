@@ -22,6 +22,7 @@ from mirte_drake.robots.ros2_robot import Ros2RobotConfig
 from mirte_drake.robots.sindyc_robot import SindycRobotConfig
 from mirte_drake.systems.ancillary_dlqr import AncillaryDlqrConfig
 from mirte_drake.systems.ancillary_inversion import AncillaryInversionConfig
+from mirte_drake.systems.coverage_monitor import CoverageMonitorConfig
 from mirte_drake.systems.disturbance_source import (
     DisturbanceConfig,
     RecordedDisturbance,
@@ -72,6 +73,8 @@ class Scenario:
     # Instead of these two: an ancillary law that inverts the input map, and its tube.
     ancillary_inversion: AncillaryInversionConfig | None = None
     inversion_tube_updater: InversionTubeUpdaterConfig | None = None
+    # null: nobody watches how often the disturbance set holds the one-step error.
+    coverage_monitor: CoverageMonitorConfig | None = None
     wheel_command_limiter: WheelCommandLimiterConfig = dc.field(
         default_factory=WheelCommandLimiterConfig
     )
