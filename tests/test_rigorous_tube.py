@@ -15,7 +15,7 @@ from mirte_drake.run import Run, simulate, summarise
 from mirte_drake.scenario import load_scenario
 
 W_MAX = np.array([0.04, 0.03, 0.09])
-CORNERS = [list(corner * W_MAX) for corner in itertools.product((-1, 1), repeat=3)]
+CORNERS = [(corner * W_MAX).tolist() for corner in itertools.product((-1, 1), repeat=3)]
 SETTLED = 20  # Samples until the half-widths are near their steady state.
 TOLERANCE = 1e-6  # [m, rad]
 SEEDS = int(os.environ.get("RIGOROUS_SEEDS", "5"))

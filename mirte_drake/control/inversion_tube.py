@@ -1,7 +1,7 @@
 """The tube of the law that inverts the input map; docs/rigorous_tube.md derives every term.
 
-The robot is the identified model with a disturbance w, |w| <= bound, a body velocity held over a
-sample: xdot = F(yaw, u) + R(yaw) w. The law asks for F(yaw, u) = F(yaw_nominal, ubar) - k e.
+The robot is the identified model with a disturbance w, |w| <= bound, in the body frame:
+xdot = F(yaw, u) + R(yaw) w. The law asks that the model's successor has 1 - k T_s of the error.
 """
 
 import numpy as np
@@ -9,7 +9,7 @@ import numpy as np
 from mirte_drake.angles import pose_error
 from mirte_drake.compiled import compiled
 from mirte_drake.control.input_inversion import jacobian, null_vector, velocity
-from mirte_drake.control.turning_map import TurningMap
+from mirte_drake.control.turning_map import TurningMap, simpson
 from mirte_drake.model.prediction_model import PredictionModel
 from mirte_drake.model.term_table import dense
 from mirte_drake.vectors import YAW
@@ -27,9 +27,14 @@ def swept_bound(bound: np.ndarray, yaw: float, spread: float) -> np.ndarray:
     length, peak = np.hypot(bound[0], bound[1]), np.arctan2(bound[1], bound[0])
     # |cos psi| w_x + |sin psi| w_y is the larger of length |cos(psi -+ peak)|; in y a quarter on.
     angles = np.array([[yaw], [yaw - QUARTER]]) + np.array([-peak, peak])
-    distance = np.abs((angles + QUARTER) % np.pi - QUARTER)  # From where |cos| is one.
-    sides = length * np.cos(np.maximum(distance - spread, 0.0)).max(axis=1)
+    sides = length * _largest_cosine(angles, spread).max(axis=1)
     return np.array([*sides, bound[YAW]])
+
+
+def _largest_cosine(angles: np.ndarray, spread: float) -> np.ndarray:
+    """Returns the largest |cos| of all angles within the spread of each."""
+    distance = np.abs((angles + QUARTER) % np.pi - QUARTER)  # From where |cos| is one.
+    return np.cos(np.maximum(distance - spread, 0.0))
 
 
 def disturbance_reach(
@@ -56,15 +61,17 @@ def disturbance_reach(
     rate = abs(velocity(mapping.still, u)[YAW])
     swept = spread + 0.5 * rate * period + bound[YAW] * period
     middle = yaw + 0.5 * velocity(mapping.still, u)[YAW] * period
-    amplitude = turning_speed(mapping, u)
-    turn = 0.5 * period**2 * bound[YAW] * amplitude
-    simpson = period**5 / 2880.0 * rate**4 * amplitude
-    return period * swept_bound(bound, middle, swept) + turn + simpson
+    turn = 0.5 * period**2 * bound[YAW] * turning_speed(mapping, u, middle, swept)
+    integration = period**5 / 2880.0 * rate**4 * turning_speed(mapping, u)
+    return period * swept_bound(bound, middle, swept) + turn + integration
 
 
-def turning_speed(mapping: TurningMap, u: np.ndarray) -> np.ndarray:
-    """Returns the largest (3,) of dF/dyaw over all yaws at an input (4,)."""
-    return np.hypot(velocity(mapping.sine, u), velocity(mapping.cosine, u))
+def turning_speed(
+    mapping: TurningMap, u: np.ndarray, yaw: float = 0.0, spread: float = np.pi
+) -> np.ndarray:
+    """Returns the largest |dF/dyaw| (3,) at an input (4,) of all yaws within the spread."""
+    sine, cosine = velocity(mapping.sine, u), velocity(mapping.cosine, u)
+    return np.hypot(sine, cosine) * _largest_cosine(yaw + np.arctan2(cosine, sine), spread)
 
 
 def propagate_inversion_tube(
@@ -81,9 +88,8 @@ def propagate_inversion_tube(
     """Returns d_{k+1} (3,), which holds |x_{k+1} - xbar_{k+1}| for every disturbance.
 
     d_{k+1} = |1 - k T_s| d_k + |m_k| + W_k, where m_k is how far the model's successor under the
-    input is from what the linear error dynamics say: zero but for the turn of the velocity within
-    the sample, where the law reached what it asked for, and whatever it fell short of otherwise.
-    Nothing is assumed of the input.
+    input is from what the law asks for: zero where the law reached it, and whatever it fell short
+    of otherwise. Nothing is assumed of the input.
 
     Args:
         model: The model.
@@ -125,6 +131,7 @@ def required_room(
     nominal_input: np.ndarray,
     half_width: np.ndarray,
     feedback: float,
+    period: float,
     limit: float,
 ) -> np.ndarray:
     """Returns how far (4,) [pwm] the law may have to move each wheel, for any error in the tube.
@@ -137,21 +144,27 @@ def required_room(
         yaw: [rad] nominal yaw.
         nominal_input: (4,) [pwm] ubar.
         half_width: (3,) d.
-        feedback: [1/s] k.
+        feedback: [1/s] k, at most 1 / T_s.
+        period: [s] T_s.
         limit: [pwm] largest move that is looked at.
     """
-    ubar, phi = dense(nominal_input), half_width[YAW]
-    along, across = mapping.turned(yaw + QUARTER), mapping.turned(yaw)  # dF/dyaw, -d2F/dyaw2.
-
-    def turned(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-        """Bound on how much the position's rows change in a turn of at most phi."""
-        return (phi * np.abs(first) + 0.5 * phi**2 * np.abs(second))[..., :YAW, :]
-
-    J = jacobian(mapping.at(yaw), ubar)
+    ubar = dense(nominal_input)
+    rate = velocity(mapping.still, ubar)[YAW]
+    J = jacobian(mapping.over(yaw, rate, period), ubar)
     inverses = _right_inverses(np.linalg.pinv(J), null_vector(J))
-    bends = turned(jacobian(along, ubar) @ inverses, jacobian(across, ubar) @ inverses)
-    drift = turned(velocity(along, ubar)[:, None], velocity(across, ubar)[:, None])[:, 0]
-    asked = (1.0 + SLACK) * (feedback * half_width + np.array([*drift, 0.0]))
+    # By how much a yaw off by phi changes the mean velocity of the nominal input and of moves.
+    drift, bends = np.zeros(3), np.zeros((len(inverses), 3, 3))
+    for weight, time in simpson(period):
+        phi = half_width[YAW] * (1.0 - feedback * time)
+        there = yaw + rate * time
+        # dF/dyaw and -d2F/dyaw2.
+        for part, size in (
+            (mapping.turned(there + QUARTER), phi),
+            (mapping.turned(there), phi**2 / 2),
+        ):
+            drift += weight * size * np.abs(velocity(part, ubar))
+            bends += weight * size * np.abs(jacobian(part, ubar) @ inverses)
+    asked = (1.0 + SLACK) * (feedback * half_width + drift)
     room = _least_room(inverses, bends, mapping.still.quadratic[YAW], asked)
     return np.where(np.all(room <= limit), room, np.inf)
 
@@ -179,7 +192,7 @@ def _least_room(
 ) -> np.ndarray:
     """Returns the room (4,) of the right inverse whose largest move is the smallest.
 
-    Each is sound. ``bends`` (K, 2, 3) bounds how much a turn within the tube changes what moves
+    Each is sound. ``bends`` (K, 3, 3) bounds how much a turn within the tube changes what moves
     of unit velocity give.
     """
     best, least = np.full(4, np.inf), np.inf

@@ -25,9 +25,23 @@ class TurningMap(NamedTuple):
         """Returns the map F(yaw, .)."""
         return _sum((1.0, self.still), (1.0, self.turned(yaw)))
 
+    def over(self, yaw: float, rate: float, duration: float) -> InputMap:
+        """Returns the mean of F(yaw(t), .) while the yaw goes on from ``yaw`` at a rate.
+
+        By Simpson's rule, as RK4 integrates it: of an input that gives this yaw rate [rad/s], the
+        model's step of that duration [s] is the duration times the mean.
+        """
+        nodes = ((w, self.at(yaw + rate * t)) for w, t in simpson(duration))
+        return _sum(*nodes)
+
     def turned(self, yaw: float) -> InputMap:
         """Returns the part T(yaw, .) of F that depends on the yaw; dF/dyaw is T(yaw + pi/2, .)."""
         return _sum((np.sin(yaw), self.sine), (np.cos(yaw), self.cosine))
+
+
+def simpson(duration: float) -> tuple[tuple[float, float], ...]:
+    """Returns weights, which add up to one, and times [s] of Simpson's rule."""
+    return (1 / 6, 0.0), (4 / 6, 0.5 * duration), (1 / 6, duration)
 
 
 def _sum(*parts: tuple[float, InputMap]) -> InputMap:

@@ -14,7 +14,7 @@ from pydrake.systems.framework import (
 
 from mirte_drake.angles import pose_error
 from mirte_drake.checks import check_number
-from mirte_drake.control.input_inversion import Inversion, invert, velocity
+from mirte_drake.control.input_inversion import Inversion, invert
 from mirte_drake.control.plan import Plan, SolveStatus
 from mirte_drake.control.turning_map import turning_map
 from mirte_drake.model.prediction_model import PredictionModel
@@ -34,7 +34,7 @@ class AncillaryInversionConfig:
 
 
 class AncillaryInversion(LeafSystem):
-    """Finds the wheel command that drives at the plan's velocity, corrected by the error.
+    """Finds the wheel command that leaves 1 - k T_s of the error after a sample, as predicted.
 
     .. pydrake_system::
 
@@ -51,17 +51,17 @@ class AncillaryInversion(LeafSystem):
     =============  ===========  =========  ===================================================
     plan (in)      Plan         -          xhat_k and ubar_k
     state (in)     vector (3,)  [m, rad]   measured x_k
-    wheel_command  vector (4,)  [pwm]      u_k near ubar_k with F(yaw_k, u_k) =
-                                           F(yawhat_k, ubar_k) - k (x_k - xhat_k)
+    wheel_command  vector (4,)  [pwm]      u_k near ubar_k with step(x_k, u_k) - xbar_{k+1} =
+                                           (1 - k T_s) (x_k - xhat_k)
     reached        vector (1,)  -          fraction of the wanted change that u_k gives: 1 but
                                            where limits forbid it
     =============  ===========  =========  ===================================================
 
-    F is the model's world-frame velocity. Stateless. While the plan stops the robot, or the
+    ``step`` is the model's, over T_s. Stateless. While the plan stops the robot, or the
     measurement is not finite, the command is ubar_k alone, and all that is wanted.
 
     Deviation: the published law (4-15) is linear, u = ubar - K (x - xhat); its large moves meet
-    the products of inputs in the yaw rate, which no linearisation sees.
+    the products of inputs in the yaw rate, which no linearisation sees. This one is exact.
 
     Raises:
         ValueError: when ``config`` is out of range, k is more than 1 / T_s, or the model is not
@@ -87,7 +87,8 @@ class AncillaryInversion(LeafSystem):
         super().__init__()
         config.validate()
         check_number("feedback", config.feedback, maximum=1.0 / period)
-        self._feedback, self._mapping = config.feedback, turning_map(model)
+        self._feedback, self._period = config.feedback, period
+        self._mapping = turning_map(model)
         self._limit = np.full(4, input_limit)
         self._plan_input = self.DeclareAbstractInputPort("plan", AbstractValue.Make(object()))
         self._state_input = self.DeclareVectorInputPort("state", model.num_states)
@@ -107,9 +108,11 @@ class AncillaryInversion(LeafSystem):
         if plan.status is SolveStatus.STOPPING or not np.all(np.isfinite(x)):
             output.set_value(Inversion(ubar, 1.0))
             return
-        nominal = velocity(self._mapping.at(xhat[YAW]), ubar)
+        nominal = (plan.nominal_next - xhat) / self._period
         wanted = nominal - self._feedback * pose_error(x, xhat)
-        output.set_value(invert(self._mapping.at(x[YAW]), wanted, ubar, -self._limit, self._limit))
+        # Of an input with the wanted yaw rate, this is the mean velocity over the sample.
+        mean = self._mapping.over(x[YAW], wanted[YAW], self._period)
+        output.set_value(invert(mean, wanted, ubar, -self._limit, self._limit))
 
     def _calc_wheel_command(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(self._inversion.Eval(context).input)

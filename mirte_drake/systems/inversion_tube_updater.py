@@ -137,6 +137,7 @@ class InversionTubeUpdater(LeafSystem):
             plan.inputs[min(1, self._horizon - 1)],
             half_width,
             self._feedback,
+            self._period,
             self._limit,
         )
         upper = np.tile(np.maximum(self._limit - room, 0.0), self._horizon)

@@ -7,13 +7,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mirte_drake.angles import pose_error
-from mirte_drake.control.input_inversion import invert, jacobian, velocity
+from mirte_drake.control.input_inversion import Inversion, invert, jacobian, velocity
 from mirte_drake.control.inversion_tube import (
     check_linear_position,
     disturbance_reach,
     propagate_inversion_tube,
     required_room,
     swept_bound,
+    turning_speed,
 )
 from mirte_drake.control.tube import rotated_bound
 from mirte_drake.control.turning_map import turning_map
@@ -41,10 +42,15 @@ def draw_plan(rng, reach=45.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return xhat, ubar, MODEL.step(xhat, ubar, PERIOD)
 
 
+def ask(nominal, x, lower=-LIMIT, upper=LIMIT) -> Inversion:
+    """What the law does."""
+    xhat, ubar, successor = nominal
+    wanted = (successor - xhat) / PERIOD - FEEDBACK * (x - xhat)
+    return invert(MAPPING.over(x[2], wanted[2], PERIOD), wanted, ubar, lower, upper)
+
+
 def law(nominal, x) -> np.ndarray:
-    xhat, ubar, _ = nominal
-    wanted = velocity(MAPPING.at(xhat[2]), ubar) - FEEDBACK * (x - xhat)
-    found = invert(MAPPING.at(x[2]), wanted, ubar, -LIMIT, LIMIT)
+    found = ask(nominal, x)
     assert found.fraction == 1.0
     return found.input
 
@@ -88,10 +94,25 @@ def test_reach_counts_the_turn_of_the_velocity_and_the_error_of_the_integration(
     )
     u = np.array([20.0, 0.0, 200.0, 0.0])
     reach = disturbance_reach(turning_map(model), 0.5, u, W_MAX, PERIOD)
-    swept = PERIOD * swept_bound(W_MAX, 0.6, 0.1 + 0.009)
-    expected = 0.5 * PERIOD**2 * 0.09 * 0.2 + PERIOD**5 / 2880 * 2.0**4 * 0.2
-    np.testing.assert_allclose(reach[:2] - swept[:2], expected, rtol=1e-9)
-    assert reach[2] == swept[2]
+    swept = 0.1 + 0.009
+    box = PERIOD * swept_bound(W_MAX, 0.6, swept)
+    turn = 0.5 * PERIOD**2 * 0.09 * 0.2 * np.array([np.sin(0.6 + swept), np.cos(0.6 - swept)])
+    expected = turn + PERIOD**5 / 2880 * 2.0**4 * 0.2
+    np.testing.assert_allclose(reach[:2] - box[:2], expected, rtol=1e-9)
+    assert reach[2] == box[2]
+
+
+def test_turning_speed_is_the_largest_slope_of_the_sweep():
+    rng = np.random.default_rng(6)
+    for _ in range(10):
+        yaw, spread, u = rng.uniform(-7, 7), rng.uniform(0, 2), rng.uniform(-50, 50, 4)
+        yaws = yaw + np.linspace(-spread, spread, 401)
+        x = np.zeros((401, 3))
+        x[:, 2] = yaws
+        _, A, _ = MODEL.linearise(x, np.tile(u, (401, 1)))
+        largest = np.abs(A[:, :, 2]).max(axis=0)
+        np.testing.assert_allclose(turning_speed(MAPPING, u, yaw, spread), largest, atol=1e-5)
+        assert np.all(turning_speed(MAPPING, u) >= largest - 1e-12)
 
 
 @settings(max_examples=60, deadline=None)
@@ -148,26 +169,26 @@ def test_it_holds_where_the_measurement_is_missing(seed):
         assert np.all(np.abs(ends - nominal[2]) <= half_width + 1e-12)
 
 
-def test_yaw_is_exactly_linear():
+def test_error_is_exactly_linear_where_the_law_reaches_what_it_asks_for():
     rng = np.random.default_rng(0)
     for _ in range(20):
         nominal = draw_plan(rng)
         x = nominal[0] + HALF_WIDTH * rng.uniform(-1, 1, 3)
-        expected = 0.1 * HALF_WIDTH[2] + 0.009
-        assert propagate(nominal, x, law(nominal, x))[2] == pytest.approx(expected, abs=1e-12)
+        u = law(nominal, x)
+        left = MODEL.step(x, u, PERIOD) - nominal[2]
+        np.testing.assert_allclose(left, 0.1 * (x - nominal[0]), rtol=0, atol=1e-12)
+        expected = 0.1 * HALF_WIDTH + disturbance_reach(MAPPING, x[2], u, W_MAX, PERIOD)
+        np.testing.assert_allclose(propagate(nominal, x, u), expected, rtol=0, atol=1e-12)
 
 
-def test_what_remains_of_the_law_is_small():
-    """The turn of the velocity within a sample, at the inputs that the studies come to."""
-    rng, worst = np.random.default_rng(1), np.zeros(3)
-    for _ in range(200):
-        nominal = draw_plan(rng, reach=25.0)
-        x = nominal[0] + HALF_WIDTH * rng.choice([-1.0, 1.0], 3)
-        remainder = propagate(nominal, x, law(nominal, x)) - (
-            0.1 * HALF_WIDTH + disturbance_reach(MAPPING, x[2], law(nominal, x), W_MAX, PERIOD)
-        )
-        worst = np.maximum(worst, remainder)
-    assert np.all(worst[:2] < 5e-4) and np.all(worst[:2] > 1e-5)
+def test_what_the_law_falls_short_of_widens_the_tube():
+    nominal = draw_plan(np.random.default_rng(1))
+    x = nominal[0] + HALF_WIDTH
+    u = law(nominal, x) + np.eye(4)[1]
+    missed = np.abs(MODEL.step(x, u, PERIOD) - nominal[2] - 0.1 * HALF_WIDTH)
+    expected = 0.1 * HALF_WIDTH + missed + disturbance_reach(MAPPING, x[2], u, W_MAX, PERIOD)
+    np.testing.assert_allclose(propagate(nominal, x, u), expected, rtol=0, atol=1e-12)
+    assert missed.max() > 1e-4
 
 
 def test_without_disturbance_the_tube_shrinks_to_nothing_on_a_straight_line():
@@ -188,14 +209,19 @@ def test_whole_turns_of_yaw_do_not_count():
     np.testing.assert_allclose(propagate(nominal, turned, u), propagate(nominal, x, u), atol=1e-12)
 
 
+def plan_at(yaw, ubar) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    xhat = np.array([0.3, -0.2, yaw])
+    return xhat, ubar, MODEL.step(xhat, ubar, PERIOD)
+
+
 def room_at(yaw, ubar, half_width=HALF_WIDTH, limit=100.0) -> np.ndarray:
-    return required_room(MAPPING, yaw, ubar, half_width, FEEDBACK, limit)
+    return required_room(MAPPING, yaw, ubar, half_width, FEEDBACK, PERIOD, limit)
 
 
 def test_room_by_hand():
     # Nothing turns and nothing multiplies: k d over the gain of each wheel.
     mapping = turning_map(make_model())
-    room = required_room(mapping, 0.3, np.full(4, 7.0), HALF_WIDTH, FEEDBACK, 100.0)
+    room = required_room(mapping, 0.3, np.full(4, 7.0), HALF_WIDTH, FEEDBACK, PERIOD, 100.0)
     np.testing.assert_allclose(room, [4.5, 3.6, 9.0, 0.0], rtol=1e-5)
 
 
@@ -203,7 +229,7 @@ def test_room_of_a_product_by_hand():
     # Yaw rate 0.01 u3 + 1e-4 u1^2. Moves of wheel 1 by 4.5 add up to 0.002 to a yaw rate of 0.09
     # that is asked for, so wheel 3 moves by up to 9.2, which turns the other way when it must.
     mapping = turning_map(make_model(theta={"u3": 0.01, "u1*u1": 1e-4}))
-    room = required_room(mapping, 0.0, np.zeros(4), HALF_WIDTH, FEEDBACK, 100.0)
+    room = required_room(mapping, 0.0, np.zeros(4), HALF_WIDTH, FEEDBACK, PERIOD, 100.0)
     assert room[0] == pytest.approx(4.5, rel=1e-5)
     assert 9.0 + 100 * 1e-4 * 4.5**2 == pytest.approx(room[2], rel=0.03)
 
@@ -220,10 +246,9 @@ def test_within_the_room_the_law_gets_what_it_asks_for(seed):
     half_width = HALF_WIDTH * rng.uniform(0.2, 1.3, 3)
     room = room_at(yaw, ubar, half_width)
     assert np.all(np.isfinite(room))
+    nominal = plan_at(yaw, ubar)
     for share in (*CORNERS, *rng.uniform(-1, 1, (12, 3))):
-        error = half_width * share
-        wanted = velocity(MAPPING.at(yaw), ubar) - FEEDBACK * error
-        found = invert(MAPPING.at(yaw + error[2]), wanted, ubar, ubar - room, ubar + room)
+        found = ask(nominal, nominal[0] + half_width * share, ubar - room, ubar + room)
         assert found.fraction == 1.0
 
 
@@ -234,16 +259,11 @@ def test_room_is_not_much_more_than_is_needed():
         yaw, ubar = rng.uniform(-np.pi, np.pi), rng.uniform(-25, 25, 4)
         room = room_at(yaw, ubar).max()
 
-        def reached(move, yaw=yaw, ubar=ubar) -> bool:
+        nominal = plan_at(yaw, ubar)
+
+        def reached(move, nominal=nominal, ubar=ubar) -> bool:
             return all(
-                invert(
-                    MAPPING.at(yaw + error[2]),
-                    velocity(MAPPING.at(yaw), ubar) - FEEDBACK * error,
-                    ubar,
-                    ubar - move,
-                    ubar + move,
-                ).fraction
-                == 1.0
+                ask(nominal, nominal[0] + error, ubar - move, ubar + move).fraction == 1.0
                 for error in HALF_WIDTH * CORNERS
             )
 

@@ -28,6 +28,16 @@ def test_it_is_the_model_at_every_yaw(name):
         np.testing.assert_allclose(by_yaw, A[:, 2], rtol=0, atol=1e-13)
 
 
+def test_mean_of_an_input_with_that_yaw_rate_is_the_models_step():
+    model, rng = load_model("extended_kinematic"), np.random.default_rng(1)
+    mapping = turning_map(model)
+    for _ in range(20):
+        x, u = rng.normal(scale=5.0, size=3), rng.uniform(-100, 100, 4)
+        rate = velocity(mapping.still, u)[2]
+        moved = x + 0.1 * velocity(mapping.over(x[2], rate, 0.1), u)
+        np.testing.assert_allclose(moved, model.step(x, u, 0.1), rtol=0, atol=1e-13)
+
+
 def test_parts_by_hand():
     mapping = turning_map(
         make_model(

@@ -29,9 +29,10 @@ def make_dut(model=MODEL, *, feedback=9.0, period=0.1, input_limit=100.0) -> Anc
     return AncillaryInversion(config, model, period=period, input_limit=input_limit)
 
 
-def make_plan(xhat=XHAT, ubar=UBAR, status=SolveStatus.SOLVED):
-    problem = make_tracking_problem(NominalNmpcConfig(horizon=2), MODEL, 0.1)
-    states, inputs = np.tile(xhat, (3, 1)), np.array([ubar, np.zeros(4)])
+def make_plan(xhat=XHAT, ubar=UBAR, status=SolveStatus.SOLVED, model=MODEL):
+    problem = make_tracking_problem(NominalNmpcConfig(horizon=2), model, 0.1)
+    inputs = np.array([ubar, np.zeros(4)])
+    states = model.roll_out(xhat, inputs, 0.1)
     return dc.replace(idle_plan(problem), status=status, states=states, inputs=inputs)
 
 
@@ -60,28 +61,21 @@ def test_both_outputs_follow_from_plan_and_state():
 def test_command_by_hand():
     # Each wheel moves one axis by 0.01 per pwm: u = ubar - 9 e / 0.01.
     error = np.array([0.02, -0.01, 0.05])
-    actual = command(make_dut(make_model()), make_plan(), XHAT + error)
+    model = make_model()
+    actual = command(make_dut(model), make_plan(model=model), XHAT + error)
     np.testing.assert_allclose(actual, [10 - 18, 20 + 9, 30 - 45, 40.0])
 
 
-def test_command_drives_at_the_nominal_velocity_less_the_correction():
-    rng, dut = np.random.default_rng(0), make_dut()
+@pytest.mark.parametrize("feedback", [2.0, 9.0, 10.0])
+def test_command_leaves_of_the_error_what_the_feedback_says(feedback):
+    rng, dut = np.random.default_rng(0), make_dut(feedback=feedback)
     for _ in range(20):
         xhat, ubar = rng.uniform(-3, 3, 3), rng.uniform(-40, 40, 4)
-        x = xhat + 0.01 * rng.uniform(-1, 1, 3)
+        error = 0.01 * rng.uniform(-1, 1, 3)
         plan = make_plan(xhat, ubar)
-        u = command(dut, plan, x)
-        wanted = MODEL.derivative(xhat, ubar) - 9.0 * (x - xhat)
-        np.testing.assert_allclose(MODEL.derivative(x, u), wanted, rtol=0, atol=1e-11)
-        assert evaluate(dut, "reached", plan, x) == [1.0]
-
-
-def test_yaw_error_shrinks_as_the_feedback_says():
-    for feedback in (2.0, 9.0, 10.0):
-        x = XHAT + np.array([0.0, 0.0, 0.02])
-        u = command(make_dut(feedback=feedback), make_plan(), x)
-        left = MODEL.step(x, u, 0.1)[2] - MODEL.step(XHAT, UBAR, 0.1)[2]
-        assert left == pytest.approx((1 - 0.1 * feedback) * 0.02, abs=1e-12)
+        left = MODEL.step(xhat + error, command(dut, plan, xhat + error), 0.1) - plan.nominal_next
+        np.testing.assert_allclose(left, (1 - 0.1 * feedback) * error, rtol=0, atol=1e-12)
+        assert evaluate(dut, "reached", plan, xhat + error) == [1.0]
 
 
 def test_without_error_the_command_is_the_nominal_input():
@@ -97,7 +91,7 @@ def test_whole_turns_of_yaw_do_not_count(turns):
 
 
 def test_limits_are_kept_and_what_is_reached_is_told():
-    dut, plan = make_dut(make_model()), make_plan()
+    dut, plan = make_dut(make_model()), make_plan(model=make_model())
     state = XHAT - np.array([0.2, 0.1, 0.0])  # Asks for 180 and 90 more.
     np.testing.assert_allclose(command(dut, plan, state), [100.0, 65.0, 30.0, 40.0], atol=1e-5)
     assert evaluate(dut, "reached", plan, state)[0] == pytest.approx(0.5, abs=1e-7)
@@ -105,7 +99,8 @@ def test_limits_are_kept_and_what_is_reached_is_told():
 
 def test_input_limit_is_that_of_the_scenario():
     state = XHAT - np.array([0.2, 0.0, 0.0])
-    actual = command(make_dut(make_model(), input_limit=50.0), make_plan(), state)
+    dut = make_dut(make_model(), input_limit=50.0)
+    actual = command(dut, make_plan(model=make_model()), state)
     assert actual[0] == pytest.approx(50.0, abs=1e-5)
 
 

@@ -123,7 +123,7 @@ def test_updates_are_those_of_the_functions():
         MODEL, mapping, nominal, STATE, COMMAND, D0, W_MAX, 9.0, 0.1
     )
     np.testing.assert_array_equal(width, expected)
-    room = required_room(mapping, plan.states[1, 2], plan.inputs[1], expected, 9.0, 100.0)
+    room = required_room(mapping, plan.states[1, 2], plan.inputs[1], expected, 9.0, 0.1, 100.0)
     np.testing.assert_array_equal(upper, np.tile(100.0 - room, 2))
     np.testing.assert_array_equal(lower, -upper)
 
