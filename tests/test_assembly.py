@@ -249,7 +249,7 @@ def test_rigorous_tube_moves_by_the_pose_and_the_command_of_its_instant(deadband
     ports = ("plan", "pose", "wheel_command", "half_width", "reached")
     rows = read_at_samples(Simulator(MakeDiagram(scenario)), 6, *ports)
     for (plan, pose, command, half_width, reached), (later, *_) in itertools.pairwise(rows):
-        nominal = plan.nominal_state, plan.nominal_input, plan.nominal_next
+        nominal = plan.nominal_state, plan.nominal_next
         expected = propagate_inversion_tube(
             model, mapping, nominal, pose, command, plan.data.half_width, W_MAX, k, 0.1
         )

@@ -77,7 +77,7 @@ def turning_speed(
 def propagate_inversion_tube(
     model: PredictionModel,
     mapping: TurningMap,
-    nominal: tuple[np.ndarray, np.ndarray, np.ndarray],
+    nominal: tuple[np.ndarray, np.ndarray],
     state: np.ndarray,
     u: np.ndarray,
     half_width: np.ndarray,
@@ -94,19 +94,20 @@ def propagate_inversion_tube(
     Args:
         model: The model.
         mapping: The same.
-        nominal: xhat_k (3,), ubar_k (4,) and xbar_{k+1} (3,), with |x_k - xhat_k| <= d_k.
-        state: (3,) measured x_k; where it is not finite, u must be ubar_k.
+        nominal: xhat_k (3,) and xbar_{k+1} (3,), with |x_k - xhat_k| <= d_k.
+        state: (3,) measured x_k; where it is not finite, any in the tube is reckoned with.
         u: (4,) [pwm] the input applied.
         half_width: (3,) d_k.
         bound: (3,) [m/s, m/s, rad/s] of the disturbance, body frame.
         feedback: [1/s] k.
         period: [s] T_s.
     """
-    xhat, ubar, successor = nominal
+    xhat, successor = nominal
     if not np.all(np.isfinite(state)):
-        drift = period * half_width[YAW] * turning_speed(mapping, ubar)
-        reach = disturbance_reach(mapping, xhat[YAW], ubar, bound, period, half_width[YAW])
-        return half_width + drift + reach
+        moved = np.abs(model.step(xhat, u, period) - successor)
+        drift = period * half_width[YAW] * turning_speed(mapping, u)
+        reach = disturbance_reach(mapping, xhat[YAW], u, bound, period, half_width[YAW])
+        return half_width + moved + drift + reach
     factor = 1.0 - feedback * period
     predicted = model.step(state, u, period)
     mismatch = pose_error(predicted, successor) - factor * pose_error(state, xhat)

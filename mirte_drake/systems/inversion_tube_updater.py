@@ -123,7 +123,7 @@ class InversionTubeUpdater(LeafSystem):
         half_width = propagate_inversion_tube(
             self._model,
             self._mapping,
-            (plan.nominal_state, plan.nominal_input, plan.nominal_next),
+            (plan.nominal_state, plan.nominal_next),
             self._state_input.Eval(context),
             self._command_input.Eval(context),
             context.get_discrete_state(self._half_width).value(),

@@ -118,7 +118,7 @@ def test_updates_are_those_of_the_functions():
         make_dut(initial_half_width=D0), "half_width", "input_lower", "input_upper"
     )
     plan, mapping = make_plan(), turning_map(MODEL)
-    nominal = STATE, UBAR, plan.states[1]
+    nominal = STATE, plan.states[1]
     expected = propagate_inversion_tube(
         MODEL, mapping, nominal, STATE, COMMAND, D0, W_MAX, 9.0, 0.1
     )
