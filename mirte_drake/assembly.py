@@ -19,7 +19,10 @@ from mirte_drake.robots.wire_robot import WireRobot
 from mirte_drake.robots.wired_robot import wired_ports
 from mirte_drake.scenario import Scenario, WiredRobotConfig, load_prediction_model
 from mirte_drake.systems.ancillary_dlqr import AddAncillaryDlqr
+from mirte_drake.systems.ancillary_inversion import AddAncillaryInversion
+from mirte_drake.systems.coverage_monitor import AddCoverageMonitor
 from mirte_drake.systems.disturbance_source import AddDisturbanceSource, DisturbanceSource
+from mirte_drake.systems.inversion_tube_updater import AddInversionTubeUpdater
 from mirte_drake.systems.nominal_nmpc import AddNominalNmpc
 from mirte_drake.systems.reference_source import AddReferenceSource, ReferenceSource
 from mirte_drake.systems.tube_updater import AddTubeUpdater
@@ -29,6 +32,9 @@ from mirte_drake.systems.velocity_setpoint import (
     VelocitySetpointSource,
 )
 from mirte_drake.systems.wheel_command_limiter import AddWheelCommandLimiter
+
+# Outputs of the coverage monitor.
+COVERAGE = ("prediction_error", "calibrated_bound", "coverage", "coverage_warning")
 
 
 def AddRobot(
@@ -93,7 +99,7 @@ def AddReference(
 
 
 def MakeController(scenario: Scenario) -> Diagram:
-    """Builds the controller: nominal NMPC, ancillary DLQR, tube updater, limiter and hold.
+    """Builds the controller: nominal NMPC, ancillary law, its tube, limiter and hold.
 
     .. pydrake_system::
 
@@ -107,11 +113,17 @@ def MakeController(scenario: Scenario) -> Diagram:
         - solve_status
         - half_width
         - designs
+        - reached
+        - prediction_error
+        - calibrated_bound
+        - coverage
+        - coverage_warning
 
     ``pose`` (3,) [m, m, rad] is measured, yaw unwrapped; ``reference_window`` (3 (N+1),) holds
     r_k, ..., r_{k+N}; ``wheel_command`` (4,) [pwm] is held for T_s. At a sample everything
     follows from the pose at that instant. ``half_width`` is there with a tube, ``designs`` with
-    an ancillary law; the baseline NMPC has neither.
+    the ancillary DLQR, ``reached`` with the ancillary inversion, the last four with a coverage
+    monitor; the baseline NMPC has none.
 
     Raises:
         UserError: when the prediction model has states beside the pose, cannot be read, or cannot
@@ -150,13 +162,49 @@ def MakeController(scenario: Scenario) -> Diagram:
         builder.ConnectInput("pose", ancillary.GetInputPort("state"))
         builder.ExportOutput(ancillary.GetOutputPort("designs"), "designs")
         command = ancillary.GetOutputPort("wheel_command")
+    law = scenario.ancillary_inversion
+    if law is not None:
+        with _naming("ancillary_inversion"):
+            inversion = AddAncillaryInversion(builder, law, model, period=period, input_limit=limit)
+        builder.Connect(nmpc.GetOutputPort("plan"), inversion.GetInputPort("plan"))
+        builder.ConnectInput("pose", inversion.GetInputPort("state"))
+        builder.ExportOutput(inversion.GetOutputPort("reached"), "reached")
+        command = inversion.GetOutputPort("wheel_command")
     builder.Connect(command, limiter.GetInputPort("wheel_command"))
+    updater: LeafSystem | None = None
     if tube is not None:
         updater = AddTubeUpdater(builder, tube, period=period, horizon=horizon, input_limit=limit)
         builder.Connect(ancillary.GetOutputPort("designs"), updater.GetInputPort("designs"))
+    if scenario.inversion_tube_updater is not None:
+        assert law is not None
+        with _naming("inversion_tube_updater"):
+            updater = AddInversionTubeUpdater(
+                builder,
+                scenario.inversion_tube_updater,
+                model,
+                period=period,
+                horizon=horizon,
+                feedback=law.feedback,
+                input_limit=limit,
+            )
+        builder.Connect(nmpc.GetOutputPort("plan"), updater.GetInputPort("plan"))
+        builder.ConnectInput("pose", updater.GetInputPort("state"))
+        builder.Connect(
+            limiter.GetOutputPort("limited_command"), updater.GetInputPort("wheel_command")
+        )
+    if updater is not None:
         for port in ("half_width", "input_lower", "input_upper"):
             builder.Connect(updater.GetOutputPort(port), nmpc.GetInputPort(port))
         builder.ExportOutput(updater.GetOutputPort("half_width"), "half_width")
+    if scenario.coverage_monitor is not None:
+        monitor = AddCoverageMonitor(builder, scenario.coverage_monitor, model, period=period)
+        for port in ("pose", "state"):
+            builder.ConnectInput("pose", monitor.GetInputPort(port))
+        builder.Connect(
+            limiter.GetOutputPort("limited_command"), monitor.GetInputPort("wheel_command")
+        )
+        for port in COVERAGE:
+            builder.ExportOutput(monitor.GetOutputPort(port), port)
     controller = builder.Build()
     controller.set_name("controller")
     return controller
@@ -229,8 +277,8 @@ def MakeDiagram(
         session: Number of this controller for the guard.
 
     With a VelocitySetpointConfig as reference there is an input ``velocity_setpoint`` (3,), which
-    may stay open. The controller's further outputs (``half_width``, ``designs``,
-    ``solve_status``) are exported too where it has them.
+    may stay open. The controller's further outputs, see ``MakeController``, are exported too
+    where it has them.
 
     Args:
         scenario: The scenario.

@@ -121,7 +121,7 @@ def outcome(run: Run) -> Outcome:
     log = run.log
     summary: dict[str, Any] = summarise(run)
     inside = dict.fromkeys(("measured_inside", "true_inside", "successor_inside"), np.nan)
-    if run.scenario.tube_updater is not None:
+    if run.scenario.has_tube:
         half_width = log["half_width"]
         inside = {
             "measured_inside": _share_inside(log["pose"], log["nominal_pose"], half_width),

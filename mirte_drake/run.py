@@ -13,7 +13,7 @@ from pydrake.systems.framework import Context, Diagram
 
 import mirte_drake
 from mirte_drake.angles import pose_error
-from mirte_drake.assembly import MakeDiagram
+from mirte_drake.assembly import COVERAGE, MakeDiagram
 from mirte_drake.control.dlqr import DlqrDesign
 from mirte_drake.control.plan import Plan, SolveStatus
 from mirte_drake.files import replacing, write_json
@@ -125,6 +125,9 @@ def _sample(diagram: Diagram, context: Context) -> dict[str, object]:
     if diagram.HasOutputPort("designs"):
         designs: tuple[DlqrDesign, ...] = evaluate("designs")  # type: ignore[assignment]
         gain = designs[0].gain
+    more = {port: evaluate(port) for port in COVERAGE if diagram.HasOutputPort(port)}
+    if diagram.HasOutputPort("reached"):
+        more["reached"] = evaluate("reached")[0]  # type: ignore[index]
     disturbed = diagram.HasOutputPort("disturbance")
     return {
         "time": context.get_time(),
@@ -144,6 +147,7 @@ def _sample(diagram: Diagram, context: Context) -> dict[str, object]:
         "preparation_time_s": plan.preparation_time,
         "iterations": plan.iterations,
         "status": int(plan.status),
+        **more,
     }
 
 
@@ -156,6 +160,9 @@ def summarise(run: Run) -> dict[str, object]:
     correction = np.einsum("kij,kj->ki", log["gain"], deviation)
     stopping = log["status"][:, None] == SolveStatus.STOPPING
     asked = log["nominal_input"] - np.where(stopping, 0.0, correction)
+    beyond = np.abs(asked) > limit + ROUNDING
+    if "reached" in log:
+        beyond |= log["reached"][:, None] < 1.0
     statuses = [SolveStatus(status) for status in log["status"]]
     moves = np.abs(np.diff(log["nominal_input"], axis=0, prepend=0.0))
     return {
@@ -174,11 +181,38 @@ def summarise(run: Run) -> dict[str, object]:
         "early_solves": sum(status.early for status in statuses),
         "tube_violations": _count(np.abs(deviation) > log["half_width"] + ROUNDING),
         "successor_violations": _count(successor_error > log["half_width"][1:] + ROUNDING),
-        "input_violations": _count(np.abs(asked) > limit + ROUNDING),
+        "input_violations": _count(beyond),
         "rate_violations": _count(moves > run.rate_limit + ROUNDING),
+        **({"coverage": _coverage_summary(run)} if "coverage" in log else {}),
         **({"wire": _wire_summary(run)} if "command_latency_s" in log else {}),
         "versions": versions(),
     }
+
+
+def _coverage_summary(run: Run) -> dict[str, object]:
+    """Returns what a coverage monitor adds to the summary of a run.
+
+    Shares of the one-step errors that the set in use and the calibrated set held, each judged by
+    the set as it was before the error.
+    """
+    log, config = run.log, run.scenario.coverage_monitor
+    assert config is not None
+    known = np.all(np.isfinite(log["pose"]), axis=1)
+    seen = known[1:] & known[:-1]
+    error, bound = np.abs(log["prediction_error"][1:][seen]), log["calibrated_bound"][:-1][seen]
+    warnings = np.sum(log["coverage_warning"], axis=0)
+    return {
+        "target": config.target,
+        "in_use": _share(np.all(error <= config.disturbance_bound, axis=1)),
+        "calibrated": _share(np.all(error <= bound, axis=1)),
+        "beyond_cap": _count(error > config.cap * config.disturbance_bound),
+        "mean_calibrated_bound": np.mean(log["calibrated_bound"], axis=0).tolist(),
+        "warnings": {"in_use": int(warnings[0]), "calibrated": int(warnings[1])},
+    }
+
+
+def _share(held: np.ndarray) -> float | None:
+    return float(np.mean(held)) if len(held) else None
 
 
 def _wire_summary(run: Run) -> dict[str, object]:

@@ -21,11 +21,14 @@ from mirte_drake.robots.odometry_sensor import OdometrySensorConfig
 from mirte_drake.robots.ros2_robot import Ros2RobotConfig
 from mirte_drake.robots.sindyc_robot import SindycRobotConfig
 from mirte_drake.systems.ancillary_dlqr import AncillaryDlqrConfig
+from mirte_drake.systems.ancillary_inversion import AncillaryInversionConfig
+from mirte_drake.systems.coverage_monitor import CoverageMonitorConfig
 from mirte_drake.systems.disturbance_source import (
     DisturbanceConfig,
     RecordedDisturbance,
     UniformDisturbance,
 )
+from mirte_drake.systems.inversion_tube_updater import InversionTubeUpdaterConfig
 from mirte_drake.systems.nominal_nmpc import NominalNmpcConfig
 from mirte_drake.systems.reference_source import ReferencePathConfig
 from mirte_drake.systems.tube_updater import TubeUpdaterConfig
@@ -44,6 +47,8 @@ KINDS = (
     *get_args(RobotConfig),
     *get_args(WiredRobotConfig),
 )
+# Tubes, and the ancillary laws that they are for.
+_TUBES = (("tube_updater", "ancillary_dlqr"), ("inversion_tube_updater", "ancillary_inversion"))
 JITTER = 0.012  # [s] Of odometry: the middle of what the robot's recordings look like.
 
 
@@ -65,6 +70,11 @@ class Scenario:
     ancillary_dlqr: AncillaryDlqrConfig | None = dc.field(default_factory=AncillaryDlqrConfig)
     # null: the baseline NMPC, which starts from the measured state with full input bounds.
     tube_updater: TubeUpdaterConfig | None = dc.field(default_factory=TubeUpdaterConfig)
+    # Instead of these two: an ancillary law that inverts the input map, and its tube.
+    ancillary_inversion: AncillaryInversionConfig | None = None
+    inversion_tube_updater: InversionTubeUpdaterConfig | None = None
+    # null: nobody watches how often the disturbance set holds the one-step error.
+    coverage_monitor: CoverageMonitorConfig | None = None
     wheel_command_limiter: WheelCommandLimiterConfig = dc.field(
         default_factory=WheelCommandLimiterConfig
     )
@@ -94,8 +104,19 @@ class Scenario:
         elif isinstance(self.reference, VelocitySetpointConfig):
             raise ValueError("duration: must be given [s], a velocity setpoint has no end")
         check_parts(self)
-        if self.tube_updater is not None and self.ancillary_dlqr is None:
-            raise ValueError("tube_updater: needs ancillary_dlqr; set it, or both to null")
+        for tube, law in _TUBES:
+            if getattr(self, tube) is not None and getattr(self, law) is None:
+                raise ValueError(f"{tube}: needs {law}; set it, or both to null")
+        if self.ancillary_dlqr is not None and self.ancillary_inversion is not None:
+            raise ValueError(
+                "ancillary_inversion: stands in for ancillary_dlqr; set ancillary_dlqr and "
+                "tube_updater to null"
+            )
+
+    @property
+    def has_tube(self) -> bool:
+        """Whether the controller keeps the robot in a tube."""
+        return any(getattr(self, tube) is not None for tube, _ in _TUBES)
 
     @property
     def first_pose(self) -> np.ndarray:

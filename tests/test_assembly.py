@@ -6,7 +6,7 @@ import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from mirte_drake.angles import pose_error
+from mirte_drake.angles import pose_error, rotation
 from mirte_drake.assembly import (
     AddController,
     AddReference,
@@ -14,8 +14,10 @@ from mirte_drake.assembly import (
     MakeController,
     MakeDiagram,
 )
+from mirte_drake.control.inversion_tube import propagate_inversion_tube, required_room
 from mirte_drake.control.plan import Plan, SolveStatus
 from mirte_drake.control.reference_paths import CirclePath
+from mirte_drake.control.turning_map import turning_map
 from mirte_drake.errors import UserError
 from mirte_drake.robots.dynamic_robot import DynamicRobotConfig
 from mirte_drake.robots.multibody_robot import MultibodyRobotConfig
@@ -23,18 +25,36 @@ from mirte_drake.robots.odometry_sensor import OdometrySensorConfig
 from mirte_drake.robots.robot_ports import RobotPorts
 from mirte_drake.robots.sindyc_robot import SindycRobotConfig
 from mirte_drake.run import simulate as simulate_run
-from mirte_drake.scenario import Scenario, load_scenario, scenario_names
+from mirte_drake.scenario import (
+    Scenario,
+    load_prediction_model,
+    load_scenario,
+    scenario_names,
+)
+from mirte_drake.systems.ancillary_inversion import AncillaryInversionConfig
+from mirte_drake.systems.coverage_monitor import CoverageMonitorConfig
 from mirte_drake.systems.disturbance_source import CornerDisturbance, NoDisturbance
+from mirte_drake.systems.inversion_tube_updater import InversionTubeUpdaterConfig
 from mirte_drake.systems.reference_source import ReferenceSource
 from mirte_drake.systems.tube_updater import TubeUpdaterConfig
 from mirte_drake.systems.velocity_setpoint import VelocitySetpointConfig, VelocitySetpointSource
-from mirte_drake.systems.wheel_command_limiter import limit_wheel_command
+from mirte_drake.systems.wheel_command_limiter import (
+    WheelCommandLimiterConfig,
+    limit_wheel_command,
+)
 
 TURNING = Scenario(
     reference=CirclePath(radius=0.6, heading="tangent"), disturbance=CornerDisturbance()
 )
 WITHOUT_TUBE = dc.replace(TURNING, tube_updater=None)
 BASELINE = dc.replace(TURNING, tube_updater=None, ancillary_dlqr=None)
+RIGOROUS = dc.replace(
+    BASELINE,
+    ancillary_inversion=AncillaryInversionConfig(),
+    inversion_tube_updater=InversionTubeUpdaterConfig(),
+)
+WATCHED = dc.replace(RIGOROUS, coverage_monitor=CoverageMonitorConfig())
+COVERAGE = ["prediction_error", "calibrated_bound", "coverage", "coverage_warning"]
 W_MAX = np.array([0.04, 0.03, 0.09])
 
 
@@ -83,8 +103,10 @@ def test_every_scenario_builds_and_runs_two_samples(name):
         (TURNING, ["designs", "half_width"]),
         (WITHOUT_TUBE, ["designs"]),
         (BASELINE, []),
+        (RIGOROUS, ["reached", "half_width"]),
+        (WATCHED, ["reached", "half_width", *COVERAGE]),
     ],
-    ids=["tube", "without_tube", "baseline"],
+    ids=["tube", "without_tube", "baseline", "rigorous", "watched"],
 )
 def test_ports_of_controller_and_diagram(scenario, further):
     controller = MakeController(scenario)
@@ -102,11 +124,16 @@ def test_ports_of_controller_and_diagram(scenario, further):
     }
 
 
-def test_controller_has_no_feedthrough():
-    controller = MakeController(TURNING)
-    for i in range(controller.num_input_ports()):
-        for o in range(controller.num_output_ports()):
-            assert not controller.HasDirectFeedthrough(i, o)
+@pytest.mark.parametrize("scenario", [TURNING, WATCHED])
+def test_controller_has_no_feedthrough(scenario):
+    controller = MakeController(scenario)
+    direct = {
+        output
+        for i in range(controller.num_input_ports())
+        for o, output in enumerate(output_names(controller))
+        if controller.HasDirectFeedthrough(i, o)
+    }
+    assert direct <= {"reached"}  # What the law could do for the pose of that instant.
 
 
 def test_systems_are_named():
@@ -211,6 +238,43 @@ def test_tube_moves_by_its_recursion():
         np.testing.assert_array_equal(next_half_width, expected)
         if k > 0:
             np.testing.assert_array_equal(plan.data.half_width, rows[k - 1][2])
+
+
+@pytest.mark.parametrize("deadband", [0.0, 10.0])
+def test_rigorous_tube_moves_by_the_pose_and_the_command_of_its_instant(deadband):
+    limiter = WheelCommandLimiterConfig(deadband=deadband, round_to_integer=deadband > 0)
+    scenario = dc.replace(RIGOROUS, wheel_command_limiter=limiter)
+    model = load_prediction_model(scenario)
+    mapping, k = turning_map(model), scenario.ancillary_inversion.feedback
+    ports = ("plan", "pose", "wheel_command", "half_width", "reached")
+    rows = read_at_samples(Simulator(MakeDiagram(scenario)), 6, *ports)
+    for (plan, pose, command, half_width, reached), (later, *_) in itertools.pairwise(rows):
+        nominal = plan.nominal_state, plan.nominal_next
+        expected = propagate_inversion_tube(
+            model, mapping, nominal, pose, command, plan.data.half_width, W_MAX, k, 0.1
+        )
+        np.testing.assert_allclose(half_width, expected, rtol=0, atol=1e-15)
+        np.testing.assert_array_equal(later.data.half_width, half_width)
+        room = required_room(
+            mapping, plan.nominal_next[2], plan.inputs[1], half_width, k, 0.1, 100.0
+        )
+        np.testing.assert_allclose(later.data.input_upper, np.tile(100.0 - room, (10, 1)))
+        assert reached == [1.0]
+        if deadband == 0.0:
+            left = pose_error(model.step(pose, command, 0.1), plan.nominal_next)
+            error = pose_error(pose, plan.nominal_state)
+            np.testing.assert_allclose(left, (1 - 0.1 * k) * error, rtol=0, atol=1e-12)
+
+
+def test_monitor_judges_the_prediction_from_pose_and_command():
+    model = load_prediction_model(WATCHED)
+    rows = read_at_samples(
+        Simulator(MakeDiagram(WATCHED)), 5, "pose", "wheel_command", "prediction_error"
+    )
+    for (pose, command, _), (later, _, error) in itertools.pairwise(rows):
+        missed = pose_error(later, model.step(pose, command, 0.1)) / 0.1
+        np.testing.assert_allclose(rotation(pose[2]) @ error, missed, rtol=0, atol=1e-12)
+        assert np.all(np.abs(error) < 1.1 * W_MAX)
 
 
 def test_bounds_of_a_sample_are_tightened_by_the_tube_of_the_sample_before():

@@ -339,3 +339,42 @@ def test_a_failing_solver_stops_the_robot_and_is_counted():
     assert summary["solve_failures"] == summary["steps"] == 41
     assert np.all(run.log["applied_input"] == 0)
     assert np.all(run.log["status"] == 2)
+
+
+def test_published_logs_have_no_columns_of_other_controllers():
+    run = short_run()
+    assert not {"reached", "coverage"} & (run.log.keys() | summarise(run).keys())
+
+
+def test_the_rigorous_tube_is_logged_and_summarised():
+    run = short_run(name="rigorous_rectangle")
+    summary = summarise(run)
+    assert summary["successor_violations"] == summary["tube_violations"] == 0
+    assert summary["input_violations"] == 0
+    np.testing.assert_array_equal(run.log["reached"], np.ones(41))
+    error = np.abs(run.log["pose"] - run.log["nominal_pose"])
+    assert np.all(error <= run.log["half_width"] + 1e-9) and error.max() > 1e-3
+
+
+def test_a_law_that_cannot_reach_what_it_wants_is_counted():
+    # The initial tube is so wide that its first correction takes more than the wheels have.
+    wide = "inversion_tube_updater.initial_half_width=[0.1, 0.1, 0.1]"
+    summary = summarise(
+        short_run(wide, "robot.initial_pose=[-0.4, -0.3, 0.1]", name="rigorous_rectangle")
+    )
+    assert summary["input_violations"] >= 1
+    assert summary["successor_violations"] == 0  # The tube knows.
+
+
+def test_coverage_is_logged_and_summarised():
+    run = short_run("coverage_monitor={window: 20}", name="rigorous_rectangle")
+    log, coverage = run.log, summarise(run)["coverage"]
+    held = np.all(np.abs(log["prediction_error"][1:]) <= W_MAX, axis=1)
+    assert coverage["in_use"] == held.mean() > 0.9
+    scale = log["calibrated_bound"][:, 0] / W_MAX[0]
+    needed = np.max(np.abs(log["prediction_error"][1:]) / W_MAX, axis=1)
+    assert coverage["calibrated"] == pytest.approx(np.mean(needed <= scale[:-1]))
+    assert coverage["target"] == 0.9 and coverage["beyond_cap"] == 0
+    warned = np.sum(log["coverage_warning"], axis=0)
+    assert coverage["warnings"] == {"in_use": warned[0], "calibrated": warned[1]}
+    assert log["coverage"].shape == (41, 2)

@@ -17,15 +17,22 @@ from mirte_drake.scenario import (
     scenario_names,
     scenario_stem,
 )
+from mirte_drake.systems.ancillary_inversion import AncillaryInversionConfig
 from mirte_drake.systems.disturbance_source import CornerDisturbance, NoDisturbance
+from mirte_drake.systems.inversion_tube_updater import InversionTubeUpdaterConfig
 from mirte_drake.systems.velocity_setpoint import VelocitySetpointConfig
 from mirte_drake.typed_yaml import write_typed
 
+STUDIES = ("rectangle", "circle", "turning_circle")
 PUBLISHED = ("rectangle", "circle", "turning_circle", "robot_rectangle", "robot_circle")
 
 
 def test_the_contract_names_are_there():
-    assert set(scenario_names()) == {*PUBLISHED, *(f"baseline_{name}" for name in PUBLISHED)}
+    assert set(scenario_names()) == {
+        *PUBLISHED,
+        *(f"baseline_{name}" for name in PUBLISHED),
+        *(f"rigorous_{name}" for name in STUDIES),
+    }
 
 
 def test_the_rectangle_is_the_default_scenario():
@@ -44,6 +51,41 @@ def test_a_baseline_differs_in_tube_and_ancillary_law_alone(name):
         ancillary_dlqr=full.ancillary_dlqr,
     )
     assert repr(same) == repr(full)
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_a_rigorous_scenario_differs_in_tube_and_ancillary_law_alone(name):
+    rigorous, published = load_scenario(f"rigorous_{name}"), load_scenario(name)
+    assert rigorous.tube_updater is None and rigorous.ancillary_dlqr is None
+    assert rigorous.has_tube and published.has_tube
+    tube = rigorous.inversion_tube_updater
+    np.testing.assert_array_equal(tube.disturbance_bound, published.tube_updater.disturbance_bound)
+    same = dc.replace(
+        rigorous,
+        description=published.description,
+        ancillary_inversion=None,
+        inversion_tube_updater=None,
+        tube_updater=published.tube_updater,
+        ancillary_dlqr=published.ancillary_dlqr,
+    )
+    assert repr(same) == repr(published)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"ancillary_dlqr": None}, "^tube_updater: needs ancillary_dlqr"),
+        ({"inversion_tube_updater": InversionTubeUpdaterConfig()}, "needs ancillary_inversion"),
+        ({"ancillary_inversion": AncillaryInversionConfig()}, "stands in for ancillary_dlqr"),
+    ],
+)
+def test_tubes_and_laws_go_in_pairs(changes, message):
+    with pytest.raises(ValueError, match=message):
+        dc.replace(Scenario(), **changes).validate()
+
+
+def test_a_baseline_has_no_tube():
+    assert not load_scenario("baseline_rectangle").has_tube
 
 
 def test_robot_settings_are_the_published_programs():

@@ -9,6 +9,7 @@ import dataclasses as dc
 import numpy as np
 
 from mirte_drake.angles import pose_error, rotation
+from mirte_drake.control.conformal import conformal_rank
 from mirte_drake.errors import UserError
 from mirte_drake.identification.recorded_run import RecordedRun
 from mirte_drake.identification.validation import measured_states
@@ -79,7 +80,7 @@ def conformal_bound(calibration: np.ndarray, level: float) -> np.ndarray:
         UserError: when n is too small for the level.
     """
     n = len(calibration)
-    rank = int(np.ceil((n + 1) * level - 1e-9))
+    rank = conformal_rank(n, level)
     if rank > n:
         raise UserError(f"level {level:g} needs more than {n} calibration samples: record longer")
     return np.sort(np.abs(calibration), axis=0)[rank - 1]
