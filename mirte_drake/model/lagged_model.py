@@ -107,6 +107,11 @@ class LaggedModel(PredictionModel):
             return driven
         return driven + self._deadband * np.clip(driven / self._deadband, -1.0, 1.0)
 
+    def effective_limit(self, limit: float) -> float:
+        """Returns the largest effective command [pwm] that commands up to a limit [pwm] give."""
+        ends = np.full((2, self.num_inputs), [[limit], [-limit]])
+        return float(np.min(np.abs(self.effective_command(ends))))
+
     def steady_velocity(self, u: np.ndarray) -> np.ndarray:
         """Returns F(u) (..., 3) [m/s, m/s, rad/s], where the body velocity settles."""
         driven = np.sign(u) * np.maximum(np.abs(u) - self._deadband, 0.0)
