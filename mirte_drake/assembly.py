@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import Demultiplexer, ZeroOrderHold
 
+from mirte_drake.control.lagged_tube import lagged_loop
 from mirte_drake.errors import UserError
 from mirte_drake.hardware.link import Link, Role
 from mirte_drake.hardware.wire_config import open_link
@@ -22,6 +23,7 @@ from mirte_drake.scenario import Scenario, WiredRobotConfig, load_prediction_mod
 from mirte_drake.systems.ancillary_dlqr import AddAncillaryDlqr
 from mirte_drake.systems.ancillary_lagged import AddAncillaryLagged
 from mirte_drake.systems.disturbance_source import AddDisturbanceSource, DisturbanceSource
+from mirte_drake.systems.lagged_tube_updater import AddLaggedTubeUpdater
 from mirte_drake.systems.nominal_nmpc import AddNominalNmpc
 from mirte_drake.systems.reference_source import AddReferenceSource, ReferenceSource
 from mirte_drake.systems.state_estimator import AddStateEstimator
@@ -159,6 +161,26 @@ def MakeLaggedController(scenario: Scenario, model: LaggedModel) -> Diagram:
     ancillary = AddAncillaryLagged(
         builder, scenario.ancillary_lagged, model, period=period, input_limit=limit
     )
+    tube = scenario.lagged_tube
+    if tube is not None:
+        loop = lagged_loop(
+            model.parameters.lag, period, ancillary.gains, estimator.gains, estimator.delay
+        )
+        updater = AddLaggedTubeUpdater(
+            builder,
+            tube,
+            model,
+            loop,
+            ancillary.gains,
+            period=period,
+            horizon=horizon,
+            input_limit=limit,
+        )
+        builder.Connect(nmpc.GetOutputPort("plan"), updater.GetInputPort("plan"))
+        for port in ("state", "bias"):
+            builder.Connect(estimator.GetOutputPort(port), updater.GetInputPort(port))
+        for port in ("half_width", "input_lower", "input_upper"):
+            builder.Connect(updater.GetOutputPort(port), nmpc.GetInputPort(port))
     limiter = AddWheelCommandLimiter(
         builder, scenario.wheel_command_limiter, input_limit=scenario.input_limit
     )
@@ -180,6 +202,8 @@ def MakeLaggedController(scenario: Scenario, model: LaggedModel) -> Diagram:
     builder.ExportOutput(hold.get_output_port(), "wheel_command")
     builder.ExportOutput(nmpc.GetOutputPort("plan"), "plan")
     builder.ExportOutput(nmpc.GetOutputPort("solve_status"), "solve_status")
+    if tube is not None:
+        builder.ExportOutput(updater.GetOutputPort("half_width"), "half_width")
     builder.ExportOutput(estimator.GetOutputPort("state"), "state")
     builder.ExportOutput(estimator.GetOutputPort("bias"), "bias")
     controller = builder.Build()

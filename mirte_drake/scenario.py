@@ -28,6 +28,7 @@ from mirte_drake.systems.disturbance_source import (
     RecordedDisturbance,
     UniformDisturbance,
 )
+from mirte_drake.systems.lagged_tube_updater import LaggedTubeConfig
 from mirte_drake.systems.nominal_nmpc import NominalNmpcConfig
 from mirte_drake.systems.reference_source import ReferencePathConfig
 from mirte_drake.systems.state_estimator import StateEstimatorConfig
@@ -72,6 +73,7 @@ class Scenario:
     # With a lagged prediction model, and only then, in place of the two above.
     state_estimator: StateEstimatorConfig | None = None
     ancillary_lagged: AncillaryLaggedConfig | None = None
+    lagged_tube: LaggedTubeConfig | None = None  # null: the plan begins at the estimated state.
     wheel_command_limiter: WheelCommandLimiterConfig = dc.field(
         default_factory=WheelCommandLimiterConfig
     )
@@ -114,6 +116,8 @@ class Scenario:
                 raise ValueError(
                     f"{field}: {wrong}, {self.prediction_model!r} is {kind} prediction model"
                 )
+        if self.lagged_tube is not None and not lagged:
+            raise ValueError("lagged_tube: must be null without a lagged prediction model")
         if lagged and self.ancillary_dlqr is not None:
             raise ValueError("ancillary_dlqr: must be null with a lagged prediction model")
 

@@ -101,6 +101,11 @@ class AncillaryLagged(LeafSystem):
             {port.ticket() for port in (self._plan_input, self._state_input, self._bias_input)},
         )
 
+    @property
+    def gains(self) -> np.ndarray:
+        """Gains K (3, 2) of each axis; not to be written to."""
+        return self._gains
+
     def _calc_wheel_command(self, context: Context, output: BasicVector) -> None:
         plan: Plan = self._plan_input.Eval(context)
         state, effective = self._state_input.Eval(context), plan.nominal_input

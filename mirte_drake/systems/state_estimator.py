@@ -113,6 +113,11 @@ class StateEstimator(LeafSystem):
         """Samples from command to motion."""
         return self._delay
 
+    @property
+    def gains(self) -> np.ndarray:
+        """Gains L (3, 3) of each axis; not to be written to."""
+        return self._gains
+
     def _value(self, context: Context, index: int) -> np.ndarray:
         return context.get_discrete_state(index).value()
 
