@@ -12,8 +12,8 @@ from mirte_drake.checks import check_number, check_parts
 from mirte_drake.control.reference_paths import RectanglePath
 from mirte_drake.errors import UserError
 from mirte_drake.files import read_text
-from mirte_drake.model.model_file import load_model
 from mirte_drake.model.lagged_model import LaggedModel
+from mirte_drake.model.model_file import load_model
 from mirte_drake.model.prediction_model import PredictionModel
 from mirte_drake.robots.dynamic_robot import DynamicRobotConfig
 from mirte_drake.robots.lcm_robot import LcmRobotConfig

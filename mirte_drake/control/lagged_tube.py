@@ -9,7 +9,7 @@ and m w what the observer makes of it for the sample for which is planned. The d
 error are both of the robot's frame, so that none has to be turned but by the turn of that frame
 within one sample, which mixes forward with sideways: e_x+ = c e_x + s e_y, e_y+ = c e_y - s e_x.
 
-Two shapes, both with widths (3, 2) or matrices as state:
+Two shapes:
 
 ``modes``: a bound on the moduli of the error's coordinates in the eigenvectors T of A - B K. There
 the recursion (4-19) is exact, |z|+ <= |lambda| |z| + |T^-1 m| w_max, and stays as small as the
@@ -24,7 +24,9 @@ by gamma sqrt(c' P c). That holds with the probability that gamma stands for, no
 import dataclasses as dc
 
 import numpy as np
+from scipy.linalg import block_diag
 
+from mirte_drake.angles import rotation
 from mirte_drake.control.lagged_axis import axis_model, observer_model
 from mirte_drake.control.tube import rotated_bound
 from mirte_drake.vectors import POSE_SIZE
@@ -112,7 +114,7 @@ class ModeTube:
 
 
 class EllipsoidTube:
-    """Propagates matrices P (3, 2, 2), backed off by gamma; see the module."""
+    """Propagates a matrix P (6, 6), backed off by gamma; see the module."""
 
     def __init__(self, loop: LaggedLoop, bound: np.ndarray, gamma: float) -> None:
         """Prepares the recursion.
@@ -122,38 +124,40 @@ class EllipsoidTube:
             bound: (3,) w_max [m, m, rad]
             gamma: [-] How many times the square root of c' P c is backed off.
         """
-        self._loop, self._gamma = loop, gamma
-        entry = loop.entry * bound[:, None]
-        self._push = np.einsum("ai,aj->aij", entry, entry)
+        self._closed_loop, self._gamma = block_diag(*loop.closed_loop), gamma
+        entry = block_diag(*(loop.entry * bound[:, None])[:, :, None])
+        self._push = entry @ entry.T
 
     def start(self) -> np.ndarray:
-        """Returns the matrices (3, 2, 2) of no error."""
-        return np.zeros((POSE_SIZE, 2, 2))
+        """Returns the matrix (6, 6) of no error."""
+        return np.zeros_like(self._push)
 
     def advance(self, P: np.ndarray, turn: float) -> np.ndarray:
-        """Returns P (3, 2, 2) a sample later, in which the robot turns by ``turn`` [rad]."""
-        A = self._loop.closed_loop
-        P = A @ P @ A.swapaxes(1, 2) + self._push
-        cos, sin = np.cos(turn) ** 2, np.sin(turn) ** 2
-        return np.stack([cos * P[X] + sin * P[Y], cos * P[Y] + sin * P[X], P[Y + 1]])
+        """Returns P (6, 6) a sample later, in which the robot turns by ``turn`` [rad]."""
+        turned = np.kron(rotation(-turn), np.eye(2))
+        return turned @ (self._closed_loop @ P @ self._closed_loop.T + self._push) @ turned.T
+
+    def _by_axis(self, P: np.ndarray) -> np.ndarray:
+        return np.stack([P[i : i + 2, i : i + 2] for i in range(0, len(P), 2)])
 
     def components(self, P: np.ndarray) -> np.ndarray:
         """Returns the back-offs (3, 2) of position and velocity."""
-        return self._gamma * np.sqrt(np.diagonal(P, axis1=1, axis2=2))
+        return self._gamma * np.sqrt(np.diag(P)).reshape(POSE_SIZE, 2)
 
     def support(self, P: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Returns the back-offs (3,) of rows e of each axis; rows (3, 2)."""
-        return self._gamma * np.sqrt(np.einsum("ai,aij,aj->a", rows, P, rows))
+        return self._gamma * np.sqrt(np.einsum("ai,aij,aj->a", rows, self._by_axis(P), rows))
 
     def box(self, P: np.ndarray) -> np.ndarray:
-        """Returns half-widths (3, 2) of a box of position and velocity within the ellipsoid.
+        """Returns half-widths (3, 2) of a box of position and velocity within each axis's ellipse.
 
         Its corners e have e' P^-1 e <= gamma^2: with the correlation r of position and velocity,
-        a box of the ellipsoid's proportions shrinks by sqrt((1 - |r|) / 2).
+        a box of the ellipse's proportions shrinks by sqrt((1 - |r|) / 2).
         """
-        deviations = np.sqrt(np.diagonal(P, axis1=1, axis2=2))
+        by_axis = self._by_axis(P)
+        deviations = np.sqrt(np.diagonal(by_axis, axis1=1, axis2=2))
         product = np.prod(deviations, axis=1)
-        r = np.where(product > 0, np.abs(P[:, 0, 1]) / np.where(product > 0, product, 1), 1)
+        r = np.where(product > 0, np.abs(by_axis[:, 0, 1]) / np.where(product > 0, product, 1), 1)
         return self._gamma * np.sqrt(np.maximum(1 - r, 0) / 2)[:, None] * deviations
 
 

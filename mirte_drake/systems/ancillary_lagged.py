@@ -20,9 +20,10 @@ class AncillaryLaggedConfig:
     """Config of AncillaryLagged: weights by axis, forward, sideways, turning."""
 
     # (3,) On squared errors of the pose [m, m, rad].
-    position_weight: np.ndarray = dc.field(default_factory=lambda: np.full(POSE_SIZE, 9.0))
-    # (3,) On squared errors of the velocity [m/s, m/s, rad/s].
-    velocity_weight: np.ndarray = dc.field(default_factory=lambda: np.full(POSE_SIZE, 0.1))
+    position_weight: np.ndarray = dc.field(default_factory=lambda: np.full(POSE_SIZE, 16.0))
+    # (3,) On squared errors of the velocity [m/s, m/s, rad/s]. So much that the poles of an axis
+    # are real and apart: then the tube's modes tell the room for the inputs exactly.
+    velocity_weight: np.ndarray = dc.field(default_factory=lambda: np.full(POSE_SIZE, 3.0))
     # (3,) On the squared velocity asked for beside the nominal one [m/s, m/s, rad/s].
     command_weight: np.ndarray = dc.field(default_factory=lambda: np.ones(POSE_SIZE))
 

@@ -15,7 +15,7 @@ from mirte_drake.checks import check_array, check_number
 from mirte_drake.control.lagged_axis import observer_gains
 from mirte_drake.control.state_observer import correct, predict
 from mirte_drake.model.lagged_model import MAX_DELAY, LaggedModel
-from mirte_drake.vectors import POSE, POSE_SIZE
+from mirte_drake.vectors import POSE_SIZE
 
 
 @dc.dataclass
