@@ -132,14 +132,16 @@ def MakeLaggedController(scenario: Scenario, model: LaggedModel) -> Diagram:
         - wheel_command
         - plan
         - solve_status
+        - half_width
         - state
         - bias
+        - innovation
 
     Estimator, nominal NMPC, ancillary law, limiter and hold. Everything from the estimator's
     ``state`` (6,) on is about the sample at which the command begins to act, a delay of d samples
     after the measured ``pose`` (3,): the ``reference_window`` (3 (d + N + 1),) holds r_k, ...,
     r_{k+d+N}, of which the plan tracks those from r_{k+d} on. The plan's inputs are effective
-    commands, ``wheel_command`` (4,) [pwm] is what gives them.
+    commands, ``wheel_command`` (4,) [pwm] is what gives them. ``half_width`` is there with a tube.
 
     Args:
         scenario: The scenario.
@@ -204,8 +206,8 @@ def MakeLaggedController(scenario: Scenario, model: LaggedModel) -> Diagram:
     builder.ExportOutput(nmpc.GetOutputPort("solve_status"), "solve_status")
     if tube is not None:
         builder.ExportOutput(updater.GetOutputPort("half_width"), "half_width")
-    builder.ExportOutput(estimator.GetOutputPort("state"), "state")
-    builder.ExportOutput(estimator.GetOutputPort("bias"), "bias")
+    for port in ("state", "bias", "innovation"):
+        builder.ExportOutput(estimator.GetOutputPort(port), port)
     controller = builder.Build()
     controller.set_name("controller")
     return controller

@@ -126,6 +126,11 @@ def _sample(diagram: Diagram, context: Context) -> dict[str, object]:
     if diagram.HasOutputPort("designs"):
         designs: tuple[DlqrDesign, ...] = evaluate("designs")  # type: ignore[assignment]
         gain = designs[0].gain
+    estimated = {
+        port: evaluate(port)
+        for port in ("state", "bias", "innovation")
+        if diagram.HasOutputPort(port)
+    }
     disturbed = diagram.HasOutputPort("disturbance")
     return {
         "time": context.get_time(),
@@ -141,6 +146,7 @@ def _sample(diagram: Diagram, context: Context) -> dict[str, object]:
         "input_lower": plan.data.input_lower[0],
         "input_upper": plan.data.input_upper[0],
         "disturbance": evaluate("disturbance") if disturbed else np.zeros(POSE_SIZE),
+        **estimated,
         "solve_time_s": plan.solve_time,
         "preparation_time_s": plan.preparation_time,
         "iterations": plan.iterations,

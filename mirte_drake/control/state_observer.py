@@ -14,6 +14,16 @@ from mirte_drake.model.lagged_model import BODY_VELOCITY, LaggedModel
 from mirte_drake.vectors import POSE, YAW
 
 
+def innovation(state: np.ndarray, pose: np.ndarray) -> np.ndarray:
+    """Returns how far (3,) a measured pose is from the predicted one, in the predicted frame.
+
+    Args:
+        state: (6,) predicted.
+        pose: (3,) measured [m, m, rad]; any turn of the yaw.
+    """
+    return rotation(-state[YAW]) @ pose_error(pose, state[POSE])
+
+
 def correct(
     state: np.ndarray, bias: np.ndarray, pose: np.ndarray, gains: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -25,12 +35,11 @@ def correct(
         pose: (3,) measured [m, m, rad]; any turn of the yaw.
         gains: (3, 3) per axis of the body frame: of position, velocity and bias.
     """
-    turn = rotation(state[YAW])
-    innovation = turn.T @ pose_error(pose, state[POSE])
+    new = innovation(state, pose)
     corrected = state.copy()
-    corrected[POSE] += turn @ (gains[:, 0] * innovation)
-    corrected[BODY_VELOCITY] += gains[:, 1] * innovation
-    return corrected, bias + gains[:, 2] * innovation
+    corrected[POSE] += rotation(state[YAW]) @ (gains[:, 0] * new)
+    corrected[BODY_VELOCITY] += gains[:, 1] * new
+    return corrected, bias + gains[:, 2] * new
 
 
 def predict(

@@ -94,12 +94,7 @@ def fit_lagged(
     for structure in structures:
         start = _fit(structure, run, measured, _ranges(structure)[0])
         on_step()
-        held_out_errors[structure] = held_out_error(
-            measured,
-            lambda rows, s=structure, guess=start.x: _fit(s, run, rows, guess).x,
-            lambda x, s=structure: _error(s, run, x),
-            on_step,
-        )
+        held_out_errors[structure] = _held_out_error(structure, run, measured, start.x, on_step)
         solutions[structure] = start.x
     best = min(structures, key=held_out_errors.__getitem__)
     error = VELOCITY_SCALE * _error(best, run, solutions[best])[measured]
@@ -194,6 +189,21 @@ def _fit(
         x_scale=start,
         ftol=1e-6,
         xtol=1e-6,
+    )
+
+
+def _held_out_error(
+    structure: Structure,
+    run: RecordedRun,
+    rows: np.ndarray,
+    guess: np.ndarray,
+    on_fit: Callable[[], None],
+) -> float:
+    return held_out_error(
+        rows,
+        lambda fitted: _fit(structure, run, fitted, guess).x,
+        lambda x: _error(structure, run, x),
+        on_fit,
     )
 
 

@@ -115,11 +115,8 @@ def fit_robot(
     for structure in structures:
         solution = problem.fit(structure, measured, problem.start(structure))
         on_step()
-        held_out_errors[structure] = held_out_error(
-            measured,
-            lambda rows, s=structure, guess=solution.x: problem.fit(s, rows, guess).x,
-            lambda x, s=structure: problem.error(s, x),
-            on_step,
+        held_out_errors[structure] = problem.held_out_error(
+            structure, measured, solution.x, on_step
         )
         solutions[structure] = solution
     best = min(structures, key=held_out_errors.__getitem__)
@@ -202,6 +199,21 @@ class _Problem:
         _, velocity = simulate_robot(_parameters(structure, x), self._run)
         error = (velocity - self._run.body_velocity) / VELOCITY_SCALE
         return np.clip(np.nan_to_num(error, nan=WORST_ERROR), -WORST_ERROR, WORST_ERROR)
+
+    def held_out_error(
+        self,
+        structure: Structure,
+        rows: np.ndarray,
+        guess: np.ndarray,
+        on_fit: Callable[[], None],
+    ) -> float:
+        """Returns the mean square error in rows (N,) held out in turn."""
+        return held_out_error(
+            rows,
+            lambda fitted: self.fit(structure, fitted, guess).x,
+            lambda x: self.error(structure, x),
+            on_fit,
+        )
 
     def fit(self, structure: Structure, rows: np.ndarray, guess: np.ndarray) -> OptimizeResult:
         """Fits the rows (N,) that are True; its ``x`` (n,) holds logarithms."""

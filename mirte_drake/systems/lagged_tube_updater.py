@@ -29,10 +29,9 @@ from mirte_drake.vectors import POSE_SIZE, YAW
 class LaggedTubeConfig:
     """Config of LaggedTubeUpdater."""
 
-    # (3,) [m, m, rad] Bound on the innovations, forward, sideways, turning: of the robot's
-    # training recording 95 % are below.
+    # (3,) [m, m, rad] Bound on the innovations, forward, sideways, turning.
     innovation_bound: np.ndarray = dc.field(
-        default_factory=lambda: np.array([0.004, 0.0031, 0.0173])
+        default_factory=lambda: np.array([0.002, 0.002, 0.006])
     )
     shape: str = "modes"  # "modes" or "ellipsoid", see ``control.lagged_tube``.
     gamma: float = 1.0  # [-] Of the ellipsoid, in terms of innovations as large as their bound.

@@ -13,7 +13,7 @@ from pydrake.systems.framework import (
 
 from mirte_drake.checks import check_array, check_number
 from mirte_drake.control.lagged_axis import observer_gains
-from mirte_drake.control.state_observer import correct, predict
+from mirte_drake.control.state_observer import correct, innovation, predict
 from mirte_drake.model.lagged_model import MAX_DELAY, LaggedModel
 from mirte_drake.vectors import POSE_SIZE
 
@@ -29,9 +29,9 @@ class StateEstimatorConfig:
         default_factory=lambda: np.array([0.0003, 0.0003, 0.0006])
     )
     # (3,) [m/s, m/s, rad/s] What moves the velocity beside the commands, per sample.
-    velocity_drift: np.ndarray = dc.field(default_factory=lambda: np.array([0.01, 0.01, 0.02]))
+    velocity_drift: np.ndarray = dc.field(default_factory=lambda: np.array([0.003, 0.003, 0.006]))
     # (3,) [m/s, m/s, rad/s] By how much the bias changes, per sample.
-    bias_drift: np.ndarray = dc.field(default_factory=lambda: np.array([0.005, 0.005, 0.01]))
+    bias_drift: np.ndarray = dc.field(default_factory=lambda: np.array([0.003, 0.003, 0.006]))
     estimates_bias: bool = True  # Whether there is a bias at all; else it is zero.
     # [samples] From command to motion, that of measurements to arrive included; null: the model's.
     delay: int | None = None
@@ -56,6 +56,7 @@ class StateEstimator(LeafSystem):
         output_ports:
         - state
         - bias
+        - innovation
 
     ==================  ===========  ==================  ========================================
     port                type         unit                meaning
@@ -64,14 +65,16 @@ class StateEstimator(LeafSystem):
     wheel_command (in)  vector (4,)  [pwm]               u_k, that the wheels are told now
     state               vector (6,)  model's             at k + delay, when u_k begins to act
     bias                vector (3,)  [m/s, m/s, rad/s]   of the velocity that the model settles at
+    innovation          vector (3,)  [m, m, rad]         of ``pose``, in the robot's frame
     ==================  ===========  ==================  ========================================
 
-    State, every ``period`` s: the prediction for the next sample of state and bias, and the last
-    commands. At the first sample the robot stands still where it is measured.
+    State, every ``period`` s: the prediction for the next sample of state and bias, the last
+    commands, and the outputs, which hold until the next sample. At the first sample the robot
+    stands still where it is measured.
 
     Outputs have feedthrough from ``pose``, not from ``wheel_command``: u_k may depend on them.
-    Where the measurement is not finite the outputs are not either, but the state is: it goes on
-    by the commands alone.
+    Where the measurement is not finite the outputs are not either, but the prediction is: it goes
+    on by the commands alone.
 
     Raises:
         ValueError: when ``config`` is out of range (at construction).
@@ -100,12 +103,15 @@ class StateEstimator(LeafSystem):
         self._command_input = self.DeclareVectorInputPort("wheel_command", m)
         self._state = self.DeclareDiscreteState(n)
         self._bias = self.DeclareDiscreteState(POSE_SIZE)
-        self._begun = self.DeclareDiscreteState(1)
+        self._begun = self.DeclareDiscreteState(1)  # 1 from the first measured pose on.
         # Effective commands that do not act yet, the oldest first.
         self._sent = self.DeclareDiscreteState(np.zeros(m * self._delay))
-        sources = {self.xd_ticket(), self._pose_input.ticket()}
+        self._newest = self.DeclareDiscreteState([-1.0])  # Number of the last sample.
+        self._given = self.DeclareDiscreteState(n + 2 * POSE_SIZE)  # Its outputs.
+        sources = {self.time_ticket(), self.xd_ticket(), self._pose_input.ticket()}
         self.DeclareVectorOutputPort("state", n, self._calc_state, sources)
         self.DeclareVectorOutputPort("bias", POSE_SIZE, self._calc_bias, sources)
+        self.DeclareVectorOutputPort("innovation", POSE_SIZE, self._calc_innovation, sources)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
     @property
@@ -121,33 +127,43 @@ class StateEstimator(LeafSystem):
     def _value(self, context: Context, index: int) -> np.ndarray:
         return context.get_discrete_state(index).value()
 
-    def _corrected(self, context: Context, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Returns state (6,) and bias (3,) of now."""
-        state, bias = self._value(context, self._state), self._value(context, self._bias)
-        if not self._value(context, self._begun)[0]:
-            return np.concatenate([pose, state[POSE_SIZE:]]), bias
-        return correct(state, bias, pose, self._gains)
-
     def _unsent(self, context: Context) -> np.ndarray:
         return self._value(context, self._sent).reshape(self._delay, self._model.num_inputs)
 
-    def _calc_state(self, context: Context, output: BasicVector) -> None:
-        state, bias = self._corrected(context, self._pose_input.Eval(context))
+    def _estimate(self, context: Context) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Returns state (6,) and bias (3,) of now, and the innovation (3,) that led to them."""
+        state, bias = self._value(context, self._state), self._value(context, self._bias)
+        pose = self._pose_input.Eval(context)
+        if not self._value(context, self._begun)[0]:
+            return np.concatenate([pose, state[POSE_SIZE:]]), bias, np.zeros(POSE_SIZE)
+        return *correct(state, bias, pose, self._gains), innovation(state, pose)
+
+    def _outputs(self, context: Context) -> np.ndarray:
+        """Returns state, bias and innovation (12,) of the last sample, or of one that is due."""
+        # Forgiving round-off in the time.
+        number = np.floor(context.get_time() / self._period + 1e-6)
+        if number <= self._value(context, self._newest)[0]:
+            return self._value(context, self._given)
+        state, bias, new = self._estimate(context)
         for command in self._unsent(context):
             state = predict(self._effective, state, bias, command, self._period)
-        output.SetFromVector(state)
+        return np.concatenate([state, bias, new])
+
+    def _calc_state(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(self._outputs(context)[: -2 * POSE_SIZE])
 
     def _calc_bias(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(self._corrected(context, self._pose_input.Eval(context))[1])
+        output.SetFromVector(self._outputs(context)[-2 * POSE_SIZE : -POSE_SIZE])
+
+    def _calc_innovation(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(self._outputs(context)[-POSE_SIZE:])
 
     def _update(self, context: Context, next_state: DiscreteValues) -> None:
-        pose = self._pose_input.Eval(context)
-        measured = bool(np.all(np.isfinite(pose)))
-        begun = measured or bool(self._value(context, self._begun)[0])
-        if measured:
-            state, bias = self._corrected(context, pose)
-        else:
-            state, bias = self._value(context, self._state), self._value(context, self._bias)
+        state, bias = self._value(context, self._state), self._value(context, self._bias)
+        begun = bool(self._value(context, self._begun)[0])
+        if np.all(np.isfinite(self._pose_input.Eval(context))):
+            state, bias, _ = self._estimate(context)
+            begun = True
         command = self._model.effective_command(self._command_input.Eval(context))
         acting, *waiting = (*self._unsent(context), command)
         if begun:
@@ -156,6 +172,8 @@ class StateEstimator(LeafSystem):
         next_state.set_value(self._bias, bias)
         next_state.set_value(self._begun, [float(begun)])
         next_state.set_value(self._sent, np.ravel(waiting))
+        next_state.set_value(self._newest, [np.rint(context.get_time() / self._period)])
+        next_state.set_value(self._given, self._outputs(context))
 
 
 def AddStateEstimator(

@@ -4,7 +4,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from system_ports import feedthrough, port_table
 
-from mirte_drake.control.state_observer import correct, predict
+from mirte_drake.control.state_observer import correct, innovation, predict
 from mirte_drake.model.lagged_model import LaggedModel, LaggedParameters
 from mirte_drake.systems.state_estimator import (
     AddStateEstimator,
@@ -33,6 +33,12 @@ def simulate(dut) -> Simulator:
     return simulator
 
 
+def next_sample(simulator, pose) -> None:
+    """Goes to just after 0.1 s, where the sample's outputs hold."""
+    tell(simulator, pose, U)
+    simulator.AdvanceTo(0.15)
+
+
 def tell(simulator, pose, command) -> None:
     context = simulator.get_mutable_context()
     simulator.get_system().GetInputPort("pose").FixValue(context, pose)
@@ -46,30 +52,36 @@ def read(simulator, port) -> np.ndarray:
 def test_ports():
     inputs, outputs = port_table(make_dut())
     assert inputs == {"pose": 3, "wheel_command": 4}
-    assert outputs == {"state": 6, "bias": 3}
+    assert outputs == {"state": 6, "bias": 3, "innovation": 3}
 
 
 @pytest.mark.parametrize("delay", [0, 2])
 def test_outputs_follow_from_the_pose_not_from_the_command_that_they_lead_to(delay):
-    assert feedthrough(make_dut(delay=delay)) == {("pose", "state"), ("pose", "bias")}
+    assert feedthrough(make_dut(delay=delay)) == {
+        ("pose", "state"),
+        ("pose", "bias"),
+        ("pose", "innovation"),
+    }
 
 
 def test_the_first_measurement_is_the_pose_of_a_robot_at_rest():
     simulator = simulate(make_dut())
     np.testing.assert_array_equal(read(simulator, "state"), [*START, 0, 0, 0])
     np.testing.assert_array_equal(read(simulator, "bias"), np.zeros(3))
+    np.testing.assert_array_equal(read(simulator, "innovation"), np.zeros(3))
 
 
 def test_without_delay_a_sample_predicts_and_corrects():
     dut = make_dut(delay=0)
     simulator = simulate(dut)
     simulator.AdvanceTo(0.05)
-    tell(simulator, LATER, U)
+    next_sample(simulator, LATER)
     w = MODEL.effective_command(U)
     prior = predict(EFFECTIVE, np.array([*START, 0.0, 0.0, 0.0]), np.zeros(3), w, 0.1)
     state, bias = correct(prior, np.zeros(3), LATER, dut.gains)
     np.testing.assert_allclose(read(simulator, "state"), state, rtol=1e-13)
     np.testing.assert_allclose(read(simulator, "bias"), bias, rtol=1e-13)
+    np.testing.assert_allclose(read(simulator, "innovation"), innovation(prior, LATER))
 
 
 def test_delay_is_the_models_and_the_commands_sent_are_predicted_with():
@@ -79,7 +91,7 @@ def test_delay_is_the_models_and_the_commands_sent_are_predicted_with():
     simulator.AdvanceTo(0.05)
     # At the next sample the command has not acted; it is what the prediction goes ahead with.
     state, bias = correct(np.array([*START, 0.0, 0.0, 0.0]), np.zeros(3), LATER, dut.gains)
-    tell(simulator, LATER, U)
+    next_sample(simulator, LATER)
     np.testing.assert_allclose(read(simulator, "bias"), bias, rtol=1e-13)
     ahead = predict(EFFECTIVE, state, bias, MODEL.effective_command(U), 0.1)
     np.testing.assert_allclose(read(simulator, "state"), ahead, rtol=1e-13)
@@ -95,13 +107,13 @@ def test_estimate_meets_a_robot_with_that_delay_and_a_bias(delay):
     for k in range(80):
         command = U + rng.uniform(-10, 10, 4)
         tell(simulator, poses[-1], command)
+        simulator.AdvanceTo(0.1 * k + 0.05)
         if k > 60:
             expected = state
             for w in waiting:
                 expected = predict(EFFECTIVE, expected, bias, w, 0.1)
             np.testing.assert_allclose(read(simulator, "state"), expected, atol=5e-3)
             np.testing.assert_allclose(read(simulator, "bias"), bias, atol=5e-3)
-        simulator.AdvanceTo(0.1 * k + 0.05)
         waiting = [*waiting, MODEL.effective_command(command)]
         state = predict(EFFECTIVE, state, bias, waiting.pop(0), 0.1)
         states.append(state)
@@ -119,10 +131,10 @@ def test_without_a_bias_it_stays_zero():
 def test_a_measurement_that_is_not_finite_shows_but_does_not_stay():
     simulator = simulate(make_dut())
     simulator.AdvanceTo(0.05)
-    tell(simulator, np.array([0.1, np.nan, 0.3]), U)
+    next_sample(simulator, np.array([0.1, np.nan, 0.3]))
     assert not np.all(np.isfinite(read(simulator, "state")))
-    simulator.AdvanceTo(0.15)
     tell(simulator, LATER, U)
+    simulator.AdvanceTo(0.25)
     assert np.all(np.isfinite(read(simulator, "state")))
 
 
