@@ -157,8 +157,9 @@ def _sample(diagram: Diagram, context: Context) -> dict[str, object]:
 def summarise(run: Run) -> dict[str, object]:
     """Returns the summary of a run, as written to ``summary.json``."""
     log, limit = run.log, run.scenario.input_limit
-    deviation = pose_error(log["pose"], log["nominal_pose"])
-    successor_error = np.abs(pose_error(log["pose"][1:], log["nominal_next"][:-1]))
+    planned_from = planned_pose(log)
+    deviation = pose_error(planned_from, log["nominal_pose"])
+    successor_error = np.abs(pose_error(planned_from[1:], log["nominal_next"][:-1]))
     # What the ancillary law asked for: what is applied has been saturated.
     correction = np.einsum("kij,kj->ki", log["gain"], deviation)
     stopping = log["status"][:, None] == SolveStatus.STOPPING
@@ -186,6 +187,11 @@ def summarise(run: Run) -> dict[str, object]:
         **({"wire": _wire_summary(run)} if "command_latency_s" in log else {}),
         "versions": versions(),
     }
+
+
+def planned_pose(log: dict[str, np.ndarray]) -> np.ndarray:
+    """Returns the poses (K, 3) that plans begin around: estimated ahead where a state is."""
+    return log["state"][:, POSE] if "state" in log else log["pose"]
 
 
 def _wire_summary(run: Run) -> dict[str, object]:

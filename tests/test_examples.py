@@ -25,6 +25,12 @@ EXPECTED = {
         r"rectangle, identified model: true_rmse x 0\.00\d\d m, y 0\.00\d\d m, .*\n"
         r"rectangle, identified model: outside the tube in 0 of 250 samples\n"
     ),
+    "delay_margin": (
+        r"published: spectral radius 0\.8[67], 0\.9[89], 1\.06 .*\n"
+        r"ours, delay unknown: spectral radius 0\.8\d, 0\.8\d, 0\.9\d .*\n"
+        r"ours, two samples known: spectral radius .*, 0\.8\d with .*\n"
+        r"delay margin: published 0\.11\d s, ours 0\.2\d\d s"
+    ),
     "export_the_picture": r"rectangle\.svg\n(.*\n)+.*controller\.dot",
 }
 

@@ -75,21 +75,6 @@ def load_model_file(name_or_path: str | os.PathLike) -> ModelFile:
     return load_typed(ModelFile, named_file("model", IDENTIFIED_MODELS, name_or_path))
 
 
-def load_sparse_model(name_or_path: str | os.PathLike) -> SparseModel:
-    """Returns the model of a name or YAML file, which must be a table of terms.
-
-    Raises:
-        UserError: when there is no such model, or it is another kind.
-    """
-    model = load_model(name_or_path)
-    if not isinstance(model, SparseModel):
-        raise UserError(
-            f"model {str(name_or_path)!r} is lagged: must be a table of terms, such as "
-            "extended_kinematic"
-        )
-    return model
-
-
 def load_model(name_or_path: str | os.PathLike) -> PredictionModel:
     """Returns the model of a name or YAML file.
 

@@ -32,6 +32,12 @@ class AncillaryLaggedConfig:
         for field in dc.fields(self):
             check_array(field.name, getattr(self, field.name), (POSE_SIZE,), minimum=1e-9)
 
+    def gains(self, lag: np.ndarray, period: float) -> np.ndarray:
+        """Returns the gains K (3, 2) for lags (3,) [s], see ``feedback_gains``."""
+        return feedback_gains(
+            lag, period, self.position_weight, self.velocity_weight, self.command_weight
+        )
+
 
 class AncillaryLagged(LeafSystem):
     """Corrects the velocity that the nominal input settles at, and tells the wheels.
@@ -83,13 +89,7 @@ class AncillaryLagged(LeafSystem):
         super().__init__()
         config.validate()
         self._model, self._limit = model, np.full(model.num_inputs, input_limit)
-        self._gains = feedback_gains(
-            model.parameters.lag,
-            period,
-            config.position_weight,
-            config.velocity_weight,
-            config.command_weight,
-        )
+        self._gains = config.gains(model.parameters.lag, period)
         G = model.effective().steady_velocity_jacobian(np.zeros(model.num_inputs))
         self._map = InputMap(np.zeros(POSE_SIZE), G, np.zeros((*G.shape, model.num_inputs)))
         self._plan_input = self.DeclareAbstractInputPort("plan", AbstractValue.Make(object()))

@@ -30,9 +30,7 @@ class LaggedTubeConfig:
     """Config of LaggedTubeUpdater."""
 
     # (3,) [m, m, rad] Bound on the innovations, forward, sideways, turning.
-    innovation_bound: np.ndarray = dc.field(
-        default_factory=lambda: np.array([0.002, 0.002, 0.006])
-    )
+    innovation_bound: np.ndarray = dc.field(default_factory=lambda: np.array([0.002, 0.002, 0.006]))
     shape: str = "modes"  # "modes" or "ellipsoid", see ``control.lagged_tube``.
     gamma: float = 1.0  # [-] Of the ellipsoid, in terms of innovations as large as their bound.
 

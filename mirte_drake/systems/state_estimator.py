@@ -43,6 +43,14 @@ class StateEstimatorConfig:
         if self.delay is not None:
             check_number("delay", self.delay, minimum=0, maximum=MAX_DELAY)
 
+    def gains(self, lag: np.ndarray, period: float) -> np.ndarray:
+        """Returns the gains L (3, 3) for lags (3,) [s], see ``observer_gains``."""
+        drift = (self.position_drift, self.velocity_drift, self.bias_drift)
+        gains = observer_gains(lag, period, self.pose_noise, np.column_stack(drift))
+        if not self.estimates_bias:
+            gains[:, -1] = 0.0
+        return gains
+
 
 class StateEstimator(LeafSystem):
     """Observes state and bias, and predicts the state over the delay with the commands sent.
@@ -92,12 +100,7 @@ class StateEstimator(LeafSystem):
         config.validate()
         self._period, self._model, self._effective = period, model, model.effective()
         self._delay = model.delay if config.delay is None else config.delay
-        drift = (config.position_drift, config.velocity_drift, config.bias_drift)
-        self._gains = observer_gains(
-            model.parameters.lag, period, config.pose_noise, np.column_stack(drift)
-        )
-        if not config.estimates_bias:
-            self._gains[:, -1] = 0.0
+        self._gains = config.gains(model.parameters.lag, period)
         n, m = model.num_states, model.num_inputs
         self._pose_input = self.DeclareVectorInputPort("pose", POSE_SIZE)
         self._command_input = self.DeclareVectorInputPort("wheel_command", m)

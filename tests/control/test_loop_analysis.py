@@ -3,7 +3,7 @@ import pytest
 from scipy.linalg import expm
 
 from mirte_drake.control.dlqr import design_dlqr
-from mirte_drake.control.lagged_axis import axis_model, feedback_gains, observer_gains
+from mirte_drake.control.lagged_axis import axis_model
 from mirte_drake.control.loop_analysis import (
     delay_margin,
     late_axis_model,
@@ -29,12 +29,7 @@ def published_gain() -> np.ndarray:
 
 
 def our_gains(lag) -> tuple[np.ndarray, np.ndarray]:
-    law, estimator = AncillaryLaggedConfig(), StateEstimatorConfig()
-    drift = (estimator.position_drift, estimator.velocity_drift, estimator.bias_drift)
-    return (
-        feedback_gains(lag, T, law.position_weight, law.velocity_weight, law.command_weight),
-        observer_gains(lag, T, estimator.pose_noise, np.column_stack(drift)),
-    )
+    return AncillaryLaggedConfig().gains(lag, T), StateEstimatorConfig().gains(lag, T)
 
 
 def our_radius(lag, delay, known_delay) -> float:
