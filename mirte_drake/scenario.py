@@ -188,6 +188,16 @@ def load_prediction_model(scenario: Scenario) -> PredictionModel:
     return model
 
 
+def load_planning_model(scenario: Scenario) -> PredictionModel:
+    """Returns the model that plans are made with: of a lagged one, that in effective commands.
+
+    Raises:
+        UserError: as ``load_prediction_model``.
+    """
+    model = load_prediction_model(scenario)
+    return model.effective() if isinstance(model, LaggedModel) else model
+
+
 def wired_robot(scenario: Scenario) -> WiredRobotConfig:
     """Returns the robot of a scenario, which must be beyond a wire.
 

@@ -107,16 +107,19 @@ class AncillaryLagged(LeafSystem):
         """Gains K (3, 2) of each axis; not to be written to."""
         return self._gains
 
-    def _calc_wheel_command(self, context: Context, output: BasicVector) -> None:
-        plan: Plan = self._plan_input.Eval(context)
-        state, effective = self._state_input.Eval(context), plan.nominal_input
+    def command(self, plan: Plan, state: np.ndarray, bias: np.ndarray) -> np.ndarray:
+        """Returns the wheel command (4,) [pwm] for a plan, a state (6,) and a bias (3,)."""
+        effective = plan.nominal_input
         if plan.status is not SolveStatus.STOPPING and np.all(np.isfinite(state)):
             error = tracking_error(state, plan.nominal_state)
-            wanted = wanted_velocity(
-                error, self._map.linear @ effective, self._bias_input.Eval(context), self._gains
-            )
+            wanted = wanted_velocity(error, self._map.linear @ effective, bias, self._gains)
             effective = invert(self._map, wanted, effective, -self._limit, self._limit).input
-        output.SetFromVector(self._model.command_for(effective))
+        return self._model.command_for(effective)
+
+    def _calc_wheel_command(self, context: Context, output: BasicVector) -> None:
+        plan: Plan = self._plan_input.Eval(context)
+        state, bias = self._state_input.Eval(context), self._bias_input.Eval(context)
+        output.SetFromVector(self.command(plan, state, bias))
 
 
 def AddAncillaryLagged(

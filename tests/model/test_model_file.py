@@ -43,7 +43,7 @@ def model_error(path: Path, text: str) -> str:
 
 
 def test_published_models_come_with_the_package():
-    assert model_names() == sorted([*PUBLISHED, "lagged"])
+    assert model_names() == sorted([*PUBLISHED, "lagged", "lagged_multibody"])
     for name in PUBLISHED:
         content = load_model_file(name)
         assert content.name == name
