@@ -133,6 +133,7 @@ def MakeLaggedController(scenario: Scenario, model: LaggedModel) -> Diagram:
         - plan
         - solve_status
         - half_width
+        - error_bound
         - state
         - bias
         - innovation
@@ -141,7 +142,8 @@ def MakeLaggedController(scenario: Scenario, model: LaggedModel) -> Diagram:
     ``state`` (6,) on is about the sample at which the command begins to act, a delay of d samples
     after the measured ``pose`` (3,): the ``reference_window`` (3 (d + N + 1),) holds r_k, ...,
     r_{k+d+N}, of which the plan tracks those from r_{k+d} on. The plan's inputs are effective
-    commands, ``wheel_command`` (4,) [pwm] is what gives them. ``half_width`` is there with a tube.
+    commands, ``wheel_command`` (4,) [pwm] is what gives them. ``half_width``
+    and ``error_bound`` are there with a tube.
 
     Args:
         scenario: The scenario.
@@ -205,7 +207,8 @@ def MakeLaggedController(scenario: Scenario, model: LaggedModel) -> Diagram:
     builder.ExportOutput(nmpc.GetOutputPort("plan"), "plan")
     builder.ExportOutput(nmpc.GetOutputPort("solve_status"), "solve_status")
     if tube is not None:
-        builder.ExportOutput(updater.GetOutputPort("half_width"), "half_width")
+        for port in ("half_width", "error_bound"):
+            builder.ExportOutput(updater.GetOutputPort(port), port)
     for port in ("state", "bias", "innovation"):
         builder.ExportOutput(estimator.GetOutputPort(port), port)
     controller = builder.Build()

@@ -18,7 +18,15 @@ import numpy as np
 from mirte_drake.angles import pose_error
 from mirte_drake.files import replacing
 from mirte_drake.robots.names import robot_override
-from mirte_drake.run import ROUNDING, Run, planned_pose, simulate, summarise, versions
+from mirte_drake.run import (
+    ROUNDING,
+    Run,
+    planned_pose,
+    simulate,
+    successor_outside,
+    summarise,
+    versions,
+)
 from mirte_drake.scenario import load_scenario, scenario_stem
 
 SCENARIOS = tuple(
@@ -130,7 +138,7 @@ def outcome(run: Run) -> Outcome:
             "true_inside": _share_inside(
                 log["true_pose"][late:], nominal[:known], half_width[:known]
             ),
-            "successor_inside": _share_inside(pose[1:], log["nominal_next"][:-1], half_width[1:]),
+            "successor_inside": float(1.0 - np.mean(successor_outside(log))),
         }
     return Outcome(
         **summary["rmse"],

@@ -15,6 +15,7 @@ import mirte_drake
 from mirte_drake.angles import pose_error
 from mirte_drake.assembly import MakeDiagram
 from mirte_drake.control.dlqr import DlqrDesign
+from mirte_drake.control.lagged_law import tracking_error
 from mirte_drake.control.plan import Plan, SolveStatus
 from mirte_drake.errors import UserError
 from mirte_drake.files import replacing, write_json
@@ -128,9 +129,11 @@ def _sample(diagram: Diagram, context: Context) -> dict[str, object]:
         gain = designs[0].gain
     estimated = {
         port: evaluate(port)
-        for port in ("state", "bias", "innovation")
+        for port in ("state", "bias", "innovation", "error_bound")
         if diagram.HasOutputPort(port)
     }
+    if estimated:
+        estimated["nominal_next_velocity"] = plan.nominal_next[POSE_SIZE:]
     disturbed = diagram.HasOutputPort("disturbance")
     return {
         "time": context.get_time(),
@@ -159,7 +162,6 @@ def summarise(run: Run) -> dict[str, object]:
     log, limit = run.log, run.scenario.input_limit
     planned_from = planned_pose(log)
     deviation = pose_error(planned_from, log["nominal_pose"])
-    successor_error = np.abs(pose_error(planned_from[1:], log["nominal_next"][:-1]))
     # What the ancillary law asked for: what is applied has been saturated.
     correction = np.einsum("kij,kj->ki", log["gain"], deviation)
     stopping = log["status"][:, None] == SolveStatus.STOPPING
@@ -181,7 +183,7 @@ def summarise(run: Run) -> dict[str, object]:
         "rate_relaxations": sum(status.relaxed for status in statuses),
         "early_solves": sum(status.early for status in statuses),
         "tube_violations": _count(np.abs(deviation) > log["half_width"] + ROUNDING),
-        "successor_violations": _count(successor_error > log["half_width"][1:] + ROUNDING),
+        "successor_violations": int(np.sum(successor_outside(log))),
         "input_violations": _count(np.abs(asked) > limit + ROUNDING),
         "rate_violations": _count(moves > run.rate_limit + ROUNDING),
         **({"wire": _wire_summary(run)} if "command_latency_s" in log else {}),
@@ -192,6 +194,17 @@ def summarise(run: Run) -> dict[str, object]:
 def planned_pose(log: dict[str, np.ndarray]) -> np.ndarray:
     """Returns the poses (K, 3) that plans begin around: estimated ahead where a state is."""
     return log["state"][:, POSE] if "state" in log else log["pose"]
+
+
+def successor_outside(log: dict[str, np.ndarray]) -> np.ndarray:
+    """Tells (K - 1,) which samples lie outside the tube around what was predicted for them."""
+    if "error_bound" not in log:
+        error = pose_error(planned_pose(log)[1:], log["nominal_next"][:-1])
+        return np.any(np.abs(error) > log["half_width"][1:] + ROUNDING, axis=1)
+    predicted = np.hstack([log["nominal_next"], log["nominal_next_velocity"]])[:-1]
+    errors = [tracking_error(*states) for states in zip(log["state"][1:], predicted, strict=True)]
+    outside = np.abs(errors).swapaxes(1, 2).reshape(len(errors), -1) > log["error_bound"][1:]
+    return np.any(outside, axis=1)
 
 
 def _wire_summary(run: Run) -> dict[str, object]:

@@ -1,4 +1,4 @@
-"""What the ancillary law costs: linearisation, Riccati equation and its checks, or the inversion."""
+"""What the ancillary law costs: a DLQR design, or the inversion of the input map."""
 
 import time
 from collections.abc import Callable, Sequence

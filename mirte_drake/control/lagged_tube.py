@@ -2,23 +2,26 @@
 
 The error of an axis is e = (position, velocity), in the robot's frame. Between samples
 
-    e+ = turn (A e + B r + m w),   r = -K e,   |w| <= w_max,
+    e+ = turn (A e + B (r + q) + m w),   r = -K e,   |w| <= w_max,   |q| <= q_max,
 
 where w is the innovation of the observer, how far the measured position is from the predicted one,
-and m w what the observer makes of it for the sample for which is planned. The disturbance and the
-error are both of the robot's frame, so that none has to be turned but by the turn of that frame
-within one sample, which mixes forward with sideways: e_x+ = c e_x + s e_y, e_y+ = c e_y - s e_x.
+m w what the observer makes of it for the sample for which is planned, and q by how much the
+velocity that the wheels are told misses the one asked for, as whole percents do. All are of the
+robot's frame, so that none has to be turned but by the turn of that frame within one sample, which
+mixes forward with sideways: e_x+ = c e_x + s e_y, e_y+ = c e_y - s e_x. Left out are products of
+errors, and of the error of the yaw with a difference of two axes' lags.
 
 Two shapes:
 
 ``modes``: a bound on the moduli of the error's coordinates in the eigenvectors T of A - B K. There
-the recursion (4-19) is exact, |z|+ <= |lambda| |z| + |T^-1 m| w_max, and stays as small as the
-eigenvalues allow, whereas |A - B K| of position and velocity may not even be stable. Not an
-approximation: what is bounded so never leaves the tube.
+the recursion (4-19) is exact, |z|+ <= |lambda| |z| + |T^-1 m| w_max + |T^-1 B| q_max, and stays as
+small as the eigenvalues allow, whereas |A - B K| of position and velocity may not even be stable.
+Not an approximation: what is bounded so never leaves the tube.
 
-``ellipsoid``: P+ = (A - B K) P (A - B K)' + m m' w_max^2, the zero-order form of Zanelli, Frey,
-Messerer, Diehl (2021), which adds up what independent disturbances do; a direction c is backed off
-by gamma sqrt(c' P c). That holds with the probability that gamma stands for, not always.
+``ellipsoid``: P+ = (A - B K) P (A - B K)' + m m' w_max^2 + B B' q_max^2, the zero-order form of
+Zanelli, Frey, Messerer, Diehl (2021), which adds up what independent disturbances do; a direction
+c is backed off by gamma sqrt(c' P c). That holds with the probability that gamma stands for, not
+always.
 """
 
 import dataclasses as dc
@@ -40,6 +43,7 @@ class LaggedLoop:
 
     closed_loop: np.ndarray  # (3, 2, 2) A - B K.
     entry: np.ndarray  # (3, 2) m.
+    command: np.ndarray  # (3, 2) B.
 
     @property
     def modes(self) -> tuple[np.ndarray, np.ndarray]:
@@ -60,28 +64,32 @@ def lagged_loop(
         observer: (3, 3) L, see ``observer_gains``.
         delay: [samples] over which the state is predicted.
     """
-    closed_loop, entry = [], []
+    closed_loop, entry, command = [], [], []
     for tau, K, L in zip(lag, feedback, observer, strict=True):
         A, B = axis_model(tau, period)
         closed_loop.append(A - B @ K[None, :])
         ahead = np.linalg.matrix_power(observer_model(tau, period), delay)
         entry.append((ahead @ L)[:2])
-    return LaggedLoop(np.array(closed_loop), np.array(entry))
+        command.append(B[:, 0])
+    return LaggedLoop(np.array(closed_loop), np.array(entry), np.array(command))
 
 
 class ModeTube:
     """Bounds moduli in eigenvectors: widths zeta (3, 2); see the module."""
 
-    def __init__(self, loop: LaggedLoop, bound: np.ndarray) -> None:
+    def __init__(self, loop: LaggedLoop, bound: np.ndarray, missed: np.ndarray) -> None:
         """Prepares the recursion.
 
         Args:
             loop: The closed loop; its eigenvalues must differ axis by axis.
             bound: (3,) w_max [m, m, rad].
+            missed: (3,) q_max [m/s, m/s, rad/s].
         """
         self._moduli, self._vectors = loop.modes
         self._inverse = np.linalg.inv(self._vectors)
-        self._push = np.abs(np.einsum("aij,aj->ai", self._inverse, loop.entry)) * bound[:, None]
+        by_innovation = np.abs(np.einsum("aij,aj->ai", self._inverse, loop.entry))
+        by_command = np.abs(np.einsum("aij,aj->ai", self._inverse, loop.command))
+        self._push = by_innovation * bound[:, None] + by_command * missed[:, None]
 
     def start(self) -> np.ndarray:
         """Returns the widths (3, 2) of no error."""
@@ -116,17 +124,21 @@ class ModeTube:
 class EllipsoidTube:
     """Propagates a matrix P (6, 6), backed off by gamma; see the module."""
 
-    def __init__(self, loop: LaggedLoop, bound: np.ndarray, gamma: float) -> None:
+    def __init__(
+        self, loop: LaggedLoop, bound: np.ndarray, missed: np.ndarray, gamma: float
+    ) -> None:
         """Prepares the recursion.
 
         Args:
             loop: The closed loop.
-            bound: (3,) w_max [m, m, rad]
+            bound: (3,) w_max [m, m, rad].
+            missed: (3,) q_max [m/s, m/s, rad/s].
             gamma: [-] How many times the square root of c' P c is backed off.
         """
         self._closed_loop, self._gamma = block_diag(*loop.closed_loop), gamma
-        entry = block_diag(*(loop.entry * bound[:, None])[:, :, None])
-        self._push = entry @ entry.T
+        innovation = block_diag(*(loop.entry * bound[:, None])[:, :, None])
+        command = block_diag(*(loop.command * missed[:, None])[:, :, None])
+        self._push = innovation @ innovation.T + command @ command.T
 
     def start(self) -> np.ndarray:
         """Returns the matrix (6, 6) of no error."""

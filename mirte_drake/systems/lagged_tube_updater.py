@@ -31,12 +31,16 @@ class LaggedTubeConfig:
 
     # (3,) [m, m, rad] Bound on the innovations, forward, sideways, turning.
     innovation_bound: np.ndarray = dc.field(default_factory=lambda: np.array([0.002, 0.002, 0.006]))
+    # [pwm] By which an effective command may miss what is asked for: whole percents. Within the
+    # deadband it may miss by half of that; there the tube does not hold.
+    command_error: float = 0.5
     shape: str = "modes"  # "modes" or "ellipsoid", see ``control.lagged_tube``.
     gamma: float = 1.0  # [-] Of the ellipsoid, in terms of innovations as large as their bound.
 
     def validate(self) -> None:
         """Raises ValueError when a value is out of range."""
         check_array("innovation_bound", self.innovation_bound, (POSE_SIZE,), minimum=0)
+        check_number("command_error", self.command_error, minimum=0)
         check_choice("shape", self.shape, ("modes", "ellipsoid"))
         check_number("gamma", self.gamma, above=0)
 
@@ -53,6 +57,7 @@ class LaggedTubeUpdater(LeafSystem):
         - bias
         output_ports:
         - half_width
+        - error_bound
         - input_lower
         - input_upper
 
@@ -63,6 +68,7 @@ class LaggedTubeUpdater(LeafSystem):
     state (in)   vector (6,)      model's             estimated
     bias (in)    vector (3,)      [m/s, m/s, rad/s]   that the ancillary law takes off
     half_width   vector (6,)      model's             of a box within the tube around ``state``
+    error_bound  vector (6,)      robot's frame       of position (3) and velocity (3) in the tube
     input_lower  vector (4 N,)    [pwm]               bounds per stage, by rows, that leave room
                                                       for ancillary law and bias
     input_upper  vector (4 N,)    [pwm]               the same
@@ -100,14 +106,15 @@ class LaggedTubeUpdater(LeafSystem):
         """
         super().__init__()
         config.validate()
-        bound = config.innovation_bound
-        self._tube: ModeTube | EllipsoidTube = (
-            ModeTube(loop, bound)
-            if config.shape == "modes"
-            else EllipsoidTube(loop, bound, config.gamma)
-        )
         self._gains, self._horizon, self._limit = gains, horizon, input_limit
         self._map = model.effective().steady_velocity_jacobian(np.zeros(model.num_inputs))
+        bound = config.innovation_bound
+        missed = config.command_error * np.sum(np.abs(self._map), axis=1)
+        self._tube: ModeTube | EllipsoidTube = (
+            ModeTube(loop, bound, missed)
+            if config.shape == "modes"
+            else EllipsoidTube(loop, bound, missed, config.gamma)
+        )
         self._inverse = np.linalg.pinv(self._map)
         n, m = model.num_states, model.num_inputs
         self._plan_input = self.DeclareAbstractInputPort("plan", AbstractValue.Make(object()))
@@ -119,6 +126,7 @@ class LaggedTubeUpdater(LeafSystem):
         self.DeclareVectorOutputPort(
             "half_width", n, self._calc_half_width, {held, self._state_input.ticket()}
         )
+        self.DeclareVectorOutputPort("error_bound", n, self._calc_error_bound, {held})
         sources = {held, self._bias_input.ticket()}
         self.DeclareVectorOutputPort("input_lower", horizon * m, self._calc_lower, sources)
         self.DeclareVectorOutputPort("input_upper", horizon * m, self._calc_upper, sources)
@@ -131,6 +139,9 @@ class LaggedTubeUpdater(LeafSystem):
         tube, _ = self._get(context)
         yaw = self._state_input.Eval(context)[YAW]
         output.SetFromVector(box_of_state(self._tube.box(tube), yaw))
+
+    def _calc_error_bound(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(self._tube.components(self._get(context)[0]).T.ravel())
 
     def _bounds(self, context: Context, side: float) -> np.ndarray:
         _, room = self._get(context)

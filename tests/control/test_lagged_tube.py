@@ -14,15 +14,16 @@ from mirte_drake.control.lagged_tube import (
 T, LAG = 0.1, np.array([0.3, 0.16, 0.15])
 K = feedback_gains(LAG, T, np.full(3, 16.0), np.full(3, 3.0), np.ones(3))
 L = observer_gains(LAG, T, np.full(3, 0.001), np.tile([0.0003, 0.01, 0.005], (3, 1)))
-BOUND = np.array([0.004, 0.003, 0.01])
+BOUND, MISSED = np.array([0.004, 0.003, 0.01]), np.array([0.002, 0.001, 0.01])
 LOOP = lagged_loop(LAG, T, K, L, 0)
 # Poles that swing: a law of position alone.
 SWINGING = lagged_loop(LAG, T, np.column_stack([np.full(3, 5.0), np.zeros(3)]), L, 0)
 
 
-def advance(loop, errors, w, turn):
+def advance(loop, errors, w, q, turn):
     """The errors (runs, 3, 2) a sample later, as the module says."""
-    errors = np.einsum("aij,raj->rai", loop.closed_loop, errors) + w[..., None] * loop.entry
+    errors = np.einsum("aij,raj->rai", loop.closed_loop, errors)
+    errors += w[..., None] * loop.entry + q[..., None] * loop.command
     return np.einsum("ab,rbi->rai", rotation(-turn), errors)
 
 
@@ -31,16 +32,16 @@ def extremes(loop, tube, turns, seed=0):
     rng = np.random.default_rng(seed)
     errors, state = np.zeros((400, 3, 2)), tube.start()
     for turn in turns:
-        w = BOUND * rng.choice([-1.0, 1.0], (400, 3))
-        w[:40] = BOUND  # Always the same way.
-        errors, state = advance(loop, errors, w, turn), tube.advance(state, turn)
+        w, q = (bound * rng.choice([-1.0, 1.0], (400, 3)) for bound in (BOUND, MISSED))
+        w[:40], q[:40] = BOUND, MISSED  # Always the same way.
+        errors, state = advance(loop, errors, w, q, turn), tube.advance(state, turn)
         yield errors, state
 
 
 @pytest.mark.parametrize("loop", [LOOP, SWINGING], ids=["lqr", "swinging"])
 @pytest.mark.parametrize("turn", [0.0, 0.05])
 def test_no_bounded_innovation_leaves_the_tube_of_modes(loop, turn):
-    tube = ModeTube(loop, BOUND)
+    tube = ModeTube(loop, BOUND, MISSED)
     inverse = np.linalg.inv(loop.modes[1])
     for errors, widths in extremes(loop, tube, [turn] * 60):
         moduli = np.abs(np.einsum("aij,raj->rai", inverse, errors))
@@ -51,16 +52,20 @@ def test_no_bounded_innovation_leaves_the_tube_of_modes(loop, turn):
 
 
 def test_tube_of_modes_settles_and_is_no_larger_than_it_must_be():
-    tube = ModeTube(LOOP, BOUND)
+    tube = ModeTube(LOOP, BOUND, MISSED)
     *_, (errors, widths) = extremes(LOOP, tube, [0.0] * 200)
     moduli, vectors = LOOP.modes
-    push = np.abs(np.einsum("aij,aj->ai", np.linalg.inv(vectors), LOOP.entry)) * BOUND[:, None]
+    push = sum(
+        np.abs(np.einsum("aij,aj->ai", np.linalg.inv(vectors), entry)) * bound[:, None]
+        for entry, bound in ((LOOP.entry, BOUND), (LOOP.command, MISSED))
+    )
     np.testing.assert_allclose(widths, push / (1 - moduli), rtol=1e-6)
     # The room for the inputs is what the worst sequence of innovations takes, no more.
-    worst, e = np.zeros(3), LOOP.entry * BOUND[:, None]
-    for _ in range(200):
-        worst += np.abs(np.sum(K * e, axis=1))
-        e = np.einsum("aij,aj->ai", LOOP.closed_loop, e)
+    worst = np.zeros(3)
+    for e in (LOOP.entry * BOUND[:, None], LOOP.command * MISSED[:, None]):
+        for _ in range(200):
+            worst += np.abs(np.sum(K * e, axis=1))
+            e = np.einsum("aij,aj->ai", LOOP.closed_loop, e)
     np.testing.assert_allclose(tube.support(widths, K), worst, rtol=1e-6)
     assert np.all(np.abs(errors) <= tube.components(widths))
 
@@ -72,11 +77,12 @@ def test_box_of_modes_would_grow_in_position_and_velocity():
 
 
 def test_ellipsoid_is_the_covariance_of_independent_innovations():
-    tube = EllipsoidTube(LOOP, BOUND, 2.0)
+    tube = EllipsoidTube(LOOP, BOUND, MISSED, 2.0)
     P = tube.start()
     errors, rng = np.zeros((20000, 3, 2)), np.random.default_rng(1)
     for _ in range(30):
-        errors = advance(LOOP, errors, BOUND * rng.choice([-1.0, 1.0], (20000, 3)), 0.05)
+        w, q = (bound * rng.choice([-1.0, 1.0], (20000, 3)) for bound in (BOUND, MISSED))
+        errors = advance(LOOP, errors, w, q, 0.05)
         P = tube.advance(P, 0.05)
     np.testing.assert_allclose(P, np.cov(errors.reshape(-1, 6).T), atol=0.03 * np.max(P))
     np.testing.assert_allclose(
@@ -86,7 +92,7 @@ def test_ellipsoid_is_the_covariance_of_independent_innovations():
 
 @pytest.mark.parametrize("make", [ModeTube, lambda *a: EllipsoidTube(*a, 2.0)])
 def test_boxes_lie_within_the_tube(make):
-    tube = make(LOOP, BOUND)
+    tube = make(LOOP, BOUND, MISSED)
     state = tube.start()
     np.testing.assert_array_equal(tube.box(state), np.zeros((3, 2)))
     for _ in range(10):
@@ -126,7 +132,7 @@ def test_box_of_the_state_fits_into_the_turned_box(yaw):
 
 
 def test_input_room_by_hand():
-    tube = ModeTube(LOOP, BOUND)
+    tube = ModeTube(LOOP, BOUND, MISSED)
     widths = tube.advance(tube.start(), 0.0)
     added, yaw = tube.support(widths, K), tube.components(widths)[2, 0]
     inverse = np.array([[1.0, -2, 3], [4, 5, -6], [7, 8, 9], [0, 1, 0]])

@@ -64,7 +64,7 @@ def read(simulator, port) -> np.ndarray:
 def test_ports():
     inputs, outputs = port_table(make_dut())
     assert inputs == {"plan": "abstract", "state": 6, "bias": 3}
-    assert outputs == {"half_width": 6, "input_lower": 12, "input_upper": 12}
+    assert outputs == {"half_width": 6, "error_bound": 6, "input_lower": 12, "input_upper": 12}
 
 
 def test_no_output_has_feedthrough_from_the_plan():
@@ -90,10 +90,13 @@ def test_the_first_plan_begins_at_the_estimate_and_has_all_inputs_but_the_bias()
 def test_two_updates_match_the_recursion(shape, make):
     simulator, plan = simulate(make_dut(shape=shape)), make_plan()
     simulator.AdvanceTo(0.15)
-    tube = make(LOOP, BOUND)
+    tube = make(LOOP, BOUND, 0.5 * np.sum(np.abs(G), axis=1))
     state = tube.advance(tube.advance(tube.start(), 0.03), 0.03)
     np.testing.assert_allclose(
         read(simulator, "half_width"), box_of_state(tube.box(state), STATE[2]), rtol=1e-12
+    )
+    np.testing.assert_allclose(
+        read(simulator, "error_bound"), tube.components(state).T.ravel(), rtol=1e-12
     )
     upper = []
     for i in (1, 2, 2):  # The plan's last stage is the last that is known.
@@ -142,6 +145,7 @@ def test_interleaved_simulators_do_not_disturb_each_other():
     [
         ("innovation_bound", -np.ones(3)),
         ("innovation_bound", np.ones(2)),
+        ("command_error", -1.0),
         ("shape", "box"),
         ("gamma", 0.0),
     ],
