@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from pydrake.systems.framework import Diagram, DiagramBuilder
-from pydrake.systems.primitives import Demultiplexer, ZeroOrderHold
+from pydrake.systems.primitives import ZeroOrderHold
 
 from mirte_drake.control.lagged_tube import lagged_loop
 from mirte_drake.errors import UserError
@@ -154,13 +154,18 @@ def MakeLaggedController(scenario: Scenario, model: LaggedModel) -> Diagram:
         ValueError: when a config is out of range.
     """
     assert scenario.state_estimator is not None and scenario.ancillary_lagged is not None
-    period, horizon, delay = scenario.period, scenario.nominal_nmpc.horizon, scenario.delay
-    effective, limit = model.effective(), model.effective_limit(scenario.input_limit)
+    period, horizon = scenario.period, scenario.nominal_nmpc.horizon
+    limit = model.effective_limit(scenario.input_limit)
     builder = DiagramBuilder()
     estimator = AddStateEstimator(builder, scenario.state_estimator, model, period=period)
     with _naming("nominal_nmpc"):
         nmpc = AddNominalNmpc(
-            builder, scenario.nominal_nmpc, effective, period=period, input_limit=limit
+            builder,
+            scenario.nominal_nmpc,
+            model.effective(),
+            period=period,
+            input_limit=limit,
+            lead=estimator.delay,
         )
     ancillary = AddAncillaryLagged(
         builder, scenario.ancillary_lagged, model, period=period, input_limit=limit
@@ -189,12 +194,9 @@ def MakeLaggedController(scenario: Scenario, model: LaggedModel) -> Diagram:
         builder, scenario.wheel_command_limiter, input_limit=scenario.input_limit
     )
     hold = builder.AddNamedSystem("command_hold", ZeroOrderHold(period, model.num_inputs))
-    sizes = [3 * delay] * (delay > 0) + [3 * (horizon + 1)]
-    preview = builder.AddNamedSystem("preview", Demultiplexer(sizes))
 
     builder.ExportInput(estimator.GetInputPort("pose"), "pose")
-    builder.ExportInput(preview.get_input_port(), "reference_window")
-    builder.Connect(preview.get_output_port(len(sizes) - 1), nmpc.GetInputPort("reference_window"))
+    builder.ExportInput(nmpc.GetInputPort("reference_window"), "reference_window")
     builder.Connect(estimator.GetOutputPort("state"), nmpc.GetInputPort("state"))
     builder.Connect(estimator.GetOutputPort("state"), ancillary.GetInputPort("state"))
     builder.Connect(estimator.GetOutputPort("bias"), ancillary.GetInputPort("bias"))

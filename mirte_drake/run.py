@@ -137,7 +137,7 @@ def _sample(diagram: Diagram, context: Context) -> dict[str, object]:
     disturbed = diagram.HasOutputPort("disturbance")
     return {
         "time": context.get_time(),
-        "reference": evaluate("reference"),
+        "reference": plan.reference,
         "pose": evaluate("pose"),
         "nominal_pose": plan.nominal_state[POSE],
         "nominal_next": plan.nominal_next[POSE],
