@@ -114,7 +114,8 @@ class Scenario:
                 wrong = "must be given" if lagged else "must be null"
                 kind = "a lagged" if lagged else "no lagged"
                 raise ValueError(
-                    f"{field}: {wrong}, {self.prediction_model!r} is {kind} prediction model"
+                    f"{field}: {wrong}, {self.prediction_model!r} is {kind} prediction model; "
+                    "lagged_rectangle is a scenario with all parts of one"
                 )
         if self.lagged_tube is not None and not lagged:
             raise ValueError("lagged_tube: must be null without a lagged prediction model")
@@ -183,7 +184,7 @@ def load_prediction_model(scenario: Scenario) -> PredictionModel:
         raise UserError(
             f"prediction_model: {scenario.prediction_model!r} has states beside the pose "
             f"({', '.join(model.states[POSE_SIZE:])}), which the robot does not measure; "
-            "use kinematic, extended_kinematic or lagged"
+            "use kinematic or extended_kinematic, or a lagged model"
         )
     return model
 
