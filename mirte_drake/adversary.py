@@ -94,7 +94,9 @@ def _jacobians(run: Run) -> tuple[np.ndarray, np.ndarray]:
     """Returns the Jacobians (K, 3, 3) of the successor error by the error and the disturbance."""
     log, scenario = run.log, run.scenario
     n, inputs = POSE_SIZE, np.hstack([log["applied_input"], log["disturbance"]])
-    model = disturbed(load_prediction_model(scenario))
+    model = load_prediction_model(scenario)
+    assert isinstance(model, SparseModel)
+    model = disturbed(model)
     jacobians = model.step_jacobians(log["pose"], inputs, scenario.period)
     by_pose, by_input, by_disturbance = np.split(jacobians, [n, n + 4], axis=-1)
     law = scenario.ancillary_inversion

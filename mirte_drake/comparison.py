@@ -18,13 +18,21 @@ import numpy as np
 from mirte_drake.angles import pose_error
 from mirte_drake.files import replacing
 from mirte_drake.robots.names import robot_override
-from mirte_drake.run import ROUNDING, Run, simulate, summarise, versions
+from mirte_drake.run import (
+    ROUNDING,
+    Run,
+    planned_pose,
+    simulate,
+    successor_outside,
+    summarise,
+    versions,
+)
 from mirte_drake.scenario import load_scenario, scenario_stem
 
 SCENARIOS = tuple(
     f"{prefix}{path}"
     for path in ("rectangle", "circle", "turning_circle", "robot_rectangle", "robot_circle")
-    for prefix in ("", "baseline_")
+    for prefix in ("", "baseline_", "lagged_")
 )
 # Runs that a process serves. Python systems hold their Diagram by their callbacks, so that it is
 # never freed: 1 to 3 MB stay with the process after each run.
@@ -122,13 +130,15 @@ def outcome(run: Run) -> Outcome:
     summary: dict[str, Any] = summarise(run)
     inside = dict.fromkeys(("measured_inside", "true_inside", "successor_inside"), np.nan)
     if run.scenario.has_tube:
-        half_width = log["half_width"]
+        half_width, pose, nominal = log["half_width"], planned_pose(log), log["nominal_pose"]
+        late = run.scenario.delay  # Samples from a plan to when it acts.
+        known = len(pose) - late
         inside = {
-            "measured_inside": _share_inside(log["pose"], log["nominal_pose"], half_width),
-            "true_inside": _share_inside(log["true_pose"], log["nominal_pose"], half_width),
-            "successor_inside": _share_inside(
-                log["pose"][1:], log["nominal_next"][:-1], half_width[1:]
+            "measured_inside": _share_inside(pose, nominal, half_width),
+            "true_inside": _share_inside(
+                log["true_pose"][late:], nominal[:known], half_width[:known]
             ),
+            "successor_inside": float(1.0 - np.mean(successor_outside(log))),
         }
     return Outcome(
         **summary["rmse"],

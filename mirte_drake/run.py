@@ -13,8 +13,9 @@ from pydrake.systems.framework import Context, Diagram
 
 import mirte_drake
 from mirte_drake.angles import pose_error
-from mirte_drake.assembly import COVERAGE, MakeDiagram
+from mirte_drake.assembly import COVERAGE, ESTIMATES, MakeDiagram
 from mirte_drake.control.dlqr import DlqrDesign
+from mirte_drake.control.lagged_law import tracking_error
 from mirte_drake.control.plan import Plan, SolveStatus
 from mirte_drake.files import replacing, write_json
 from mirte_drake.pacing import Pace, WireStopped
@@ -121,17 +122,19 @@ def _sample(diagram: Diagram, context: Context) -> dict[str, object]:
 
     plan = evaluate("plan")
     assert isinstance(plan, Plan)
-    gain = np.zeros((plan.inputs.shape[1], plan.states.shape[1]))
+    gain = np.zeros((plan.inputs.shape[1], POSE_SIZE))
     if diagram.HasOutputPort("designs"):
         designs: tuple[DlqrDesign, ...] = evaluate("designs")  # type: ignore[assignment]
         gain = designs[0].gain
-    more = {port: evaluate(port) for port in COVERAGE if diagram.HasOutputPort(port)}
+    more = {port: evaluate(port) for port in (*COVERAGE, *ESTIMATES) if diagram.HasOutputPort(port)}
     if diagram.HasOutputPort("reached"):
         more["reached"] = evaluate("reached")[0]  # type: ignore[index]
+    if diagram.HasOutputPort("state"):
+        more["nominal_next_velocity"] = plan.nominal_next[POSE_SIZE:]
     disturbed = diagram.HasOutputPort("disturbance")
     return {
         "time": context.get_time(),
-        "reference": plan.data.reference[0],
+        "reference": plan.reference,
         "pose": evaluate("pose"),
         "nominal_pose": plan.nominal_state[POSE],
         "nominal_next": plan.nominal_next[POSE],
@@ -139,7 +142,7 @@ def _sample(diagram: Diagram, context: Context) -> dict[str, object]:
         "nominal_input": plan.nominal_input,
         "applied_input": evaluate("wheel_command"),
         "gain": gain,
-        "half_width": plan.data.half_width,
+        "half_width": plan.data.half_width[POSE],
         "input_lower": plan.data.input_lower[0],
         "input_upper": plan.data.input_upper[0],
         "disturbance": evaluate("disturbance") if disturbed else np.zeros(POSE_SIZE),
@@ -154,8 +157,8 @@ def _sample(diagram: Diagram, context: Context) -> dict[str, object]:
 def summarise(run: Run) -> dict[str, object]:
     """Returns the summary of a run, as written to ``summary.json``."""
     log, limit = run.log, run.scenario.input_limit
-    deviation = pose_error(log["pose"], log["nominal_pose"])
-    successor_error = np.abs(pose_error(log["pose"][1:], log["nominal_next"][:-1]))
+    planned_from = planned_pose(log)
+    deviation = pose_error(planned_from, log["nominal_pose"])
     # What the ancillary law asked for: what is applied has been saturated.
     correction = np.einsum("kij,kj->ki", log["gain"], deviation)
     stopping = log["status"][:, None] == SolveStatus.STOPPING
@@ -180,7 +183,7 @@ def summarise(run: Run) -> dict[str, object]:
         "rate_relaxations": sum(status.relaxed for status in statuses),
         "early_solves": sum(status.early for status in statuses),
         "tube_violations": _count(np.abs(deviation) > log["half_width"] + ROUNDING),
-        "successor_violations": _count(successor_error > log["half_width"][1:] + ROUNDING),
+        "successor_violations": int(np.sum(successor_outside(log))),
         "input_violations": _count(beyond),
         "rate_violations": _count(moves > run.rate_limit + ROUNDING),
         **({"coverage": _coverage_summary(run)} if "coverage" in log else {}),
@@ -213,6 +216,22 @@ def _coverage_summary(run: Run) -> dict[str, object]:
 
 def _share(held: np.ndarray) -> float | None:
     return float(np.mean(held)) if len(held) else None
+
+
+def planned_pose(log: dict[str, np.ndarray]) -> np.ndarray:
+    """Returns the poses (K, 3) that plans begin around: estimated ahead where a state is."""
+    return log["state"][:, POSE] if "state" in log else log["pose"]
+
+
+def successor_outside(log: dict[str, np.ndarray]) -> np.ndarray:
+    """Tells (K - 1,) which samples lie outside the tube around what was predicted for them."""
+    if "error_bound" not in log:
+        error = pose_error(planned_pose(log)[1:], log["nominal_next"][:-1])
+        return np.any(np.abs(error) > log["half_width"][1:] + ROUNDING, axis=1)
+    predicted = np.hstack([log["nominal_next"], log["nominal_next_velocity"]])[:-1]
+    errors = [tracking_error(*states) for states in zip(log["state"][1:], predicted, strict=True)]
+    outside = np.abs(errors).swapaxes(1, 2).reshape(len(errors), -1) > log["error_bound"][1:]
+    return np.any(outside, axis=1)
 
 
 def _wire_summary(run: Run) -> dict[str, object]:

@@ -12,8 +12,9 @@ from mirte_drake.checks import check_number, check_parts
 from mirte_drake.control.reference_paths import RectanglePath
 from mirte_drake.errors import UserError
 from mirte_drake.files import read_text
+from mirte_drake.model.lagged_model import LaggedModel
 from mirte_drake.model.model_file import load_model
-from mirte_drake.model.sparse_model import SparseModel
+from mirte_drake.model.prediction_model import PredictionModel
 from mirte_drake.robots.dynamic_robot import DynamicRobotConfig
 from mirte_drake.robots.lcm_robot import LcmRobotConfig
 from mirte_drake.robots.measured_robot import RobotConfig
@@ -22,6 +23,7 @@ from mirte_drake.robots.ros2_robot import Ros2RobotConfig
 from mirte_drake.robots.sindyc_robot import SindycRobotConfig
 from mirte_drake.systems.ancillary_dlqr import AncillaryDlqrConfig
 from mirte_drake.systems.ancillary_inversion import AncillaryInversionConfig
+from mirte_drake.systems.ancillary_lagged import AncillaryLaggedConfig
 from mirte_drake.systems.coverage_monitor import CoverageMonitorConfig
 from mirte_drake.systems.disturbance_source import (
     DisturbanceConfig,
@@ -29,8 +31,10 @@ from mirte_drake.systems.disturbance_source import (
     UniformDisturbance,
 )
 from mirte_drake.systems.inversion_tube_updater import InversionTubeUpdaterConfig
+from mirte_drake.systems.lagged_tube_updater import LaggedTubeConfig
 from mirte_drake.systems.nominal_nmpc import NominalNmpcConfig
 from mirte_drake.systems.reference_source import ReferencePathConfig
+from mirte_drake.systems.state_estimator import StateEstimatorConfig
 from mirte_drake.systems.tube_updater import TubeUpdaterConfig
 from mirte_drake.systems.velocity_setpoint import VelocitySetpointConfig
 from mirte_drake.systems.wheel_command_limiter import WheelCommandLimiterConfig
@@ -48,7 +52,11 @@ KINDS = (
     *get_args(WiredRobotConfig),
 )
 # Tubes, and the ancillary laws that they are for.
-_TUBES = (("tube_updater", "ancillary_dlqr"), ("inversion_tube_updater", "ancillary_inversion"))
+_TUBES = {
+    "tube_updater": "ancillary_dlqr",
+    "inversion_tube_updater": "ancillary_inversion",
+    "lagged_tube": "ancillary_lagged",
+}
 JITTER = 0.012  # [s] Of odometry: the middle of what the robot's recordings look like.
 
 
@@ -62,7 +70,8 @@ class Scenario:
     duration: float | None = None  # [s]; null: the reference path's own.
     period: float = 0.1  # [s] T_s.
     input_limit: float = 100.0  # [pwm] every wheel, LB = -UB.
-    prediction_model: str = "extended_kinematic"  # Name or YAML file; its state is the pose.
+    # Name or YAML file. Of a lagged one the state is estimated; of others it must be the pose.
+    prediction_model: str = "extended_kinematic"
     reference: ReferencePathConfig | VelocitySetpointConfig = dc.field(
         default_factory=RectanglePath
     )
@@ -75,6 +84,10 @@ class Scenario:
     inversion_tube_updater: InversionTubeUpdaterConfig | None = None
     # null: nobody watches how often the disturbance set holds the one-step error.
     coverage_monitor: CoverageMonitorConfig | None = None
+    # With a lagged prediction model, and only then, in place of the two above.
+    state_estimator: StateEstimatorConfig | None = None
+    ancillary_lagged: AncillaryLaggedConfig | None = None
+    lagged_tube: LaggedTubeConfig | None = None  # null: the plan begins at the estimated state.
     wheel_command_limiter: WheelCommandLimiterConfig = dc.field(
         default_factory=WheelCommandLimiterConfig
     )
@@ -93,7 +106,7 @@ class Scenario:
         Raises:
             ValueError: naming the field, its value and what it must be.
         """
-        load_prediction_model(self)
+        model = load_prediction_model(self)
         check_number("seed", self.seed, minimum=0, maximum=2**53)
         check_number("period", self.period, above=0)
         check_number("input_limit", self.input_limit, above=0)
@@ -104,7 +117,8 @@ class Scenario:
         elif isinstance(self.reference, VelocitySetpointConfig):
             raise ValueError("duration: must be given [s], a velocity setpoint has no end")
         check_parts(self)
-        for tube, law in _TUBES:
+        self._check_parts_of_the_model(isinstance(model, LaggedModel))
+        for tube, law in _TUBES.items():
             if getattr(self, tube) is not None and getattr(self, law) is None:
                 raise ValueError(f"{tube}: needs {law}; set it, or both to null")
         if self.ancillary_dlqr is not None and self.ancillary_inversion is not None:
@@ -113,10 +127,34 @@ class Scenario:
                 "tube_updater to null"
             )
 
+    def _check_parts_of_the_model(self, lagged: bool) -> None:
+        """Checks that the controller consists of what its prediction model needs."""
+        for field in ("state_estimator", "ancillary_lagged"):
+            if (getattr(self, field) is not None) != lagged:
+                wrong = "must be given" if lagged else "must be null"
+                kind = "a lagged" if lagged else "no lagged"
+                raise ValueError(
+                    f"{field}: {wrong}, {self.prediction_model!r} is {kind} prediction model; "
+                    "lagged_rectangle is a scenario with all parts of one"
+                )
+        if self.lagged_tube is not None and not lagged:
+            raise ValueError("lagged_tube: must be null without a lagged prediction model")
+        for field in ("ancillary_dlqr", "ancillary_inversion"):
+            if lagged and getattr(self, field) is not None:
+                raise ValueError(f"{field}: must be null with a lagged prediction model")
+
     @property
     def has_tube(self) -> bool:
         """Whether the controller keeps the robot in a tube."""
-        return any(getattr(self, tube) is not None for tube, _ in _TUBES)
+        return any(getattr(self, tube) is not None for tube in _TUBES)
+
+    @property
+    def delay(self) -> int:
+        """Samples from command to motion that the controller plans with."""
+        if self.state_estimator is None:
+            return 0
+        delay = self.state_estimator.delay
+        return load_prediction_model(self).delay if delay is None else delay
 
     @property
     def first_pose(self) -> np.ndarray:
@@ -153,7 +191,7 @@ class Scenario:
         return len(self.reference.poses(self.period))
 
 
-def load_prediction_model(scenario: Scenario) -> SparseModel:
+def load_prediction_model(scenario: Scenario) -> PredictionModel:
     """Returns the model that the controller predicts with.
 
     Raises:
@@ -168,11 +206,11 @@ def load_prediction_model(scenario: Scenario) -> SparseModel:
             f"prediction_model: {scenario.prediction_model!r} must have {len(WHEELS)} inputs, "
             f"one per wheel, got {model.num_inputs}"
         )
-    if model.num_states != POSE_SIZE:
+    if model.num_states != POSE_SIZE and not isinstance(model, LaggedModel):
         raise UserError(
             f"prediction_model: {scenario.prediction_model!r} has states beside the pose "
             f"({', '.join(model.states[POSE_SIZE:])}), which the robot does not measure; "
-            "use kinematic or extended_kinematic"
+            "use kinematic or extended_kinematic, or a lagged model"
         )
     return model
 
@@ -181,6 +219,16 @@ def check_simulated(scenario: Scenario) -> None:
     """Raises UserError when the robot of a scenario is beyond a wire."""
     if isinstance(scenario.robot, WiredRobotConfig):
         raise UserError("robot: is beyond a wire: `mirte-drake drive` runs it")
+
+
+def load_planning_model(scenario: Scenario) -> PredictionModel:
+    """Returns the model that plans are made with: of a lagged one, that in effective commands.
+
+    Raises:
+        UserError: as ``load_prediction_model``.
+    """
+    model = load_prediction_model(scenario)
+    return model.effective() if isinstance(model, LaggedModel) else model
 
 
 def wired_robot(scenario: Scenario) -> WiredRobotConfig:

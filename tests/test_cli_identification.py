@@ -84,6 +84,18 @@ def test_identify_as_latex_with_search_and_figures(tmp_path, capsys):
     assert len(list((tmp_path / "figures").glob("*.svg"))) >= 3
 
 
+def test_identify_lagged_says_how_it_was_chosen_and_runs_in_a_scenario(tmp_path, capsys):
+    file = tmp_path / "mine.yaml"
+    code, out, err = run_cli(capsys, "identify", "--model", "lagged", "--output", file)
+    assert code == 0 and "held-out error" in err and err.count(" *\n") == 1
+    assert "dvx/dt = (0.0" in out and "u is that of 0 samples ago" in out
+    code, out, _ = run_cli(
+        capsys, "simulate", "lagged_circle", "--set", f"prediction_model={file}",
+        "--set", "duration=1", "--no-plots", "--output", tmp_path / "run",
+    )  # fmt: skip
+    assert code == 0 and "0 failures" in out
+
+
 def test_an_identified_model_runs_in_a_scenario(tmp_path, capsys):
     file = tmp_path / "mine.yaml"
     run_cli(capsys, "identify", "--model", "kinematic", "--output", file)
@@ -102,6 +114,7 @@ def test_an_identified_model_runs_in_a_scenario(tmp_path, capsys):
         (["identify", "--model", "cubic"], ["--model", "extended_dynamic"]),
         (["identify", "--thresholds", "1,2"], ["--thresholds 1,2", "three numbers"]),
         (["identify", "--thresholds", "9,9,9"], ["threshold 9", "lower it"]),
+        (["identify", "--model", "lagged", "--latex"], ["--latex", "leave it out"]),
         (["identify", "--search", "training", "--thresholds", "1,1,1"], ["--search", "leave"]),
         (["validate", "--model", "magic"], ["magic", "use one of"]),
         (["validate", "--model", "dynamic", "--model", "dynamic"], ["given twice"]),

@@ -38,8 +38,10 @@ def changed(run: Run, **log) -> Outcome:
 
 def test_compares_every_scenario_with_and_without_the_tube():
     assert sorted(SCENARIOS) == scenario_names()
-    for with_tube, without in zip(SCENARIOS[::2], SCENARIOS[1::2], strict=True):
-        assert without == f"baseline_{with_tube}"
+    for with_tube, without, lagged in zip(
+        SCENARIOS[::3], SCENARIOS[1::3], SCENARIOS[2::3], strict=True
+    ):
+        assert without == f"baseline_{with_tube}" and lagged == f"lagged_{with_tube}"
 
 
 @pytest.mark.parametrize("robot", ROBOTS)

@@ -29,8 +29,7 @@ PUBLISHED = ("rectangle", "circle", "turning_circle", "robot_rectangle", "robot_
 
 def test_the_contract_names_are_there():
     assert set(scenario_names()) == {
-        *PUBLISHED,
-        *(f"baseline_{name}" for name in PUBLISHED),
+        *(f"{prefix}{name}" for prefix in ("", "baseline_", "lagged_") for name in PUBLISHED),
         *(f"rigorous_{name}" for name in STUDIES),
     }
 
@@ -86,6 +85,35 @@ def test_tubes_and_laws_go_in_pairs(changes, message):
 
 def test_a_baseline_has_no_tube():
     assert not load_scenario("baseline_rectangle").has_tube
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_a_lagged_scenario_has_the_same_task(name):
+    lagged, published = load_scenario(f"lagged_{name}"), load_scenario(name)
+    for field in ("reference", "disturbance", "robot", "odometry", "duration", "period"):
+        assert repr(getattr(lagged, field)) == repr(getattr(published, field))
+    assert lagged.lagged_tube is not None and lagged.tube_updater is None
+    assert lagged.delay == 0
+
+
+def test_a_delay_is_the_estimators_or_the_models():
+    assert load_scenario("lagged_circle", ["state_estimator.delay=2"]).delay == 2
+    assert load_scenario("circle").delay == 0
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (["prediction_model=extended_kinematic"], "state_estimator: must be null"),
+        (["state_estimator=null"], "state_estimator: must be given"),
+        (["ancillary_lagged=null"], "ancillary_lagged: must be given"),
+        (["ancillary_dlqr={}"], "ancillary_dlqr: must be null"),
+        (["lagged_tube.shape=box"], "lagged_tube.shape: must be one of"),
+    ],
+)
+def test_the_parts_of_a_controller_fit_its_model(overrides, message):
+    with pytest.raises(UserError, match=message):
+        load_scenario("lagged_rectangle", overrides)
 
 
 def test_robot_settings_are_the_published_programs():

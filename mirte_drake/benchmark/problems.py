@@ -13,7 +13,7 @@ from mirte_drake.control.plan import Plan, idle_plan, next_plan, warm_start
 from mirte_drake.control.reference_paths import window
 from mirte_drake.control.tracking_problem import TrackingData, TrackingProblem
 from mirte_drake.run import samples
-from mirte_drake.scenario import Scenario, load_prediction_model
+from mirte_drake.scenario import Scenario, load_planning_model
 from mirte_drake.systems.nominal_nmpc import NominalNmpc, make_tracking_problem
 from mirte_drake.vectors import POSE
 
@@ -40,7 +40,7 @@ class Block(NamedTuple):
 
 def tracking_problem(scenario: Scenario) -> TrackingProblem:
     """Returns the problem that a scenario's controller solves."""
-    model = load_prediction_model(scenario)
+    model = load_planning_model(scenario)
     return make_tracking_problem(scenario.nominal_nmpc, model, scenario.period)
 
 

@@ -14,6 +14,7 @@ from mirte_drake.control.tracking_problem import (
     shift,
     split,
 )
+from mirte_drake.vectors import POSE_SIZE
 
 MAX_SHIFTS = 3
 
@@ -62,6 +63,8 @@ class Plan:
     iterations: int = 0
     solve_time: float = 0.0  # [s] preparation included.
     preparation_time: float = 0.0  # [s] of it, spent before the measurement arrived.
+    # (3,) [m, m, rad] r_k of the sample; ``data`` begins later where the plan does.
+    reference: np.ndarray = dc.field(default_factory=lambda: np.zeros(POSE_SIZE))
 
     def __deepcopy__(self, memo: dict) -> "Plan":
         """Returns itself: Drake copies the state at every update, and a plan never changes."""

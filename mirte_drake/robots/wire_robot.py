@@ -103,7 +103,7 @@ class WireRobot(LeafSystem):
         """Declares ports and state.
 
         Args:
-            model: Prediction model; its state is the pose.
+            model: Prediction model; its state is the pose, or pose and body velocity.
             start: (3,) [m, m, rad] where the path begins.
             period: [s] sample time T_s.
             session: Number of this controller for the guard.
@@ -192,20 +192,26 @@ class WireRobot(LeafSystem):
             return self._start
         return to_path_frame(state.track.last.pose, state.frame)
 
+    def _measured_velocity(self, state: WireState) -> np.ndarray:
+        return np.zeros(POSE_SIZE) if state.track is None else state.track.last.body_velocity
+
     def _age(self, state: WireState) -> float:
         return 0.0 if state.track is None else state.track.age(state.since)
 
     def _calc_pose(self, context: Context, output: BasicVector) -> None:
-        state = self._get_now(context)
-        pose = self._measured(state)
+        now = self._get_now(context)
+        state = self._measured(now)
         if self._rolls:
-            measured = state.since - self._age(state)
-            pose = roll_forward(self._model, pose, state.sent, measured, state.since)
-        output.SetFromVector(pose)
+            if self._model.num_states > POSE_SIZE:
+                state = np.concatenate([state, self._measured_velocity(now)])
+            measured = now.since - self._age(now)
+            late = self._model.delay * self._period
+            sent = [(time + late, command) for time, command in now.sent]
+            state = roll_forward(self._model, state, sent, measured, now.since)
+        output.SetFromVector(state[POSE])
 
     def _calc_body_velocity(self, context: Context, output: BasicVector) -> None:
-        track = self._get_now(context).track
-        output.SetFromVector(np.zeros(POSE_SIZE) if track is None else track.last.body_velocity)
+        output.SetFromVector(self._measured_velocity(self._get_now(context)))
 
     def _calc_odometry_age(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector([self._age(self._get_now(context))])
@@ -236,7 +242,7 @@ class WireRobot(LeafSystem):
         view = PlanView(
             reference=to_odometry_frame(plan.data.reference, frame),
             nominal=to_odometry_frame(plan.states[:, POSE], frame),
-            half_width=plan.data.half_width,
+            half_width=plan.data.half_width[POSE],
         )
         output.set_value(view)
 

@@ -20,7 +20,7 @@ from mirte_drake.control.inversion_tube import (
 )
 from mirte_drake.control.plan import Plan
 from mirte_drake.control.turning_map import turning_map
-from mirte_drake.model.sparse_model import SparseModel
+from mirte_drake.model.prediction_model import PredictionModel
 from mirte_drake.vectors import YAW
 
 
@@ -82,7 +82,7 @@ class InversionTubeUpdater(LeafSystem):
     def __init__(
         self,
         config: InversionTubeUpdaterConfig,
-        model: SparseModel,
+        model: PredictionModel,
         *,
         period: float,
         horizon: int,
@@ -149,7 +149,7 @@ class InversionTubeUpdater(LeafSystem):
 def AddInversionTubeUpdater(
     builder: DiagramBuilder,
     config: InversionTubeUpdaterConfig,
-    model: SparseModel,
+    model: PredictionModel,
     *,
     period: float,
     horizon: int,

@@ -19,6 +19,7 @@ from mirte_drake.control.nmpc_solver import SOLVERS, NmpcSolver, make_nmpc_solve
 from mirte_drake.control.plan import Plan, idle_plan, next_plan, warm_start
 from mirte_drake.control.tracking_problem import TrackingData, TrackingProblem
 from mirte_drake.model.prediction_model import PredictionModel
+from mirte_drake.vectors import POSE_SIZE
 
 # Published programs of the study; thesis table 4-1 calls it the DLQR solution P.
 STUDY_TERMINAL_WEIGHT = (
@@ -152,7 +153,8 @@ class NominalNmpc(LeafSystem):
     =====================  ==================  ============  =====================================
     state (in)             vector (n,)         model's       measured x_k; of a kinematic model the
                                                              pose, yaw unwrapped
-    reference_window (in)  vector (3 (N+1),)   [m, m, rad]   r_k, ..., r_{k+N}
+    reference_window (in)  vector (3 (N+d+1))  [m, m, rad]   r_k, ..., r_{k+d+N}; tracked from
+                                                             r_{k+d} on, with d the lead
     half_width (in)        vector (n,)         model's       d_k; open: zeros, xhat_k = x_k
     input_lower (in)       vector (N m,)       [pwm]         bounds per stage, within +-input_limit;
                                                              open: -input_limit
@@ -181,6 +183,7 @@ class NominalNmpc(LeafSystem):
         *,
         period: float,
         input_limit: float = 100.0,
+        lead: int = 0,
     ) -> None:
         """Builds the program.
 
@@ -189,6 +192,7 @@ class NominalNmpc(LeafSystem):
             model: Prediction model.
             period: [s] sample time T_s.
             input_limit: [pwm] bound of every input while the bound ports are open.
+            lead: d, samples from now to when the plan begins, which ``state`` is about.
         """
         super().__init__()
         self._problem = make_tracking_problem(config, model, period)
@@ -198,10 +202,10 @@ class NominalNmpc(LeafSystem):
             tolerance=config.tolerance,
             time_limit=config.time_limit,
         )
-        self._input_limit = input_limit
+        self._input_limit, self._lead = input_limit, lead
         n, m, N = model.num_states, model.num_inputs, config.horizon
         self._state_input = self.DeclareVectorInputPort("state", n)
-        self._reference_input = self.DeclareVectorInputPort("reference_window", 3 * (N + 1))
+        self._reference_input = self.DeclareVectorInputPort("reference_window", 3 * (N + lead + 1))
         self._half_width_input = self.DeclareVectorInputPort("half_width", n)
         self._lower_input = self.DeclareVectorInputPort("input_lower", N * m)
         self._upper_input = self.DeclareVectorInputPort("input_upper", N * m)
@@ -240,6 +244,9 @@ class NominalNmpc(LeafSystem):
     def _calc_solve_status(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector([float(self._get_plan(context).status)])
 
+    def _window(self, context: Context) -> np.ndarray:
+        return self._reference_input.Eval(context).reshape(-1, POSE_SIZE)
+
     def _tracking_data(self, context: Context, previous: Plan) -> TrackingData:
         n, m = self._problem.model.num_states, self._problem.model.num_inputs
         limit = np.full(self._problem.horizon * m, self._input_limit)
@@ -249,7 +256,7 @@ class NominalNmpc(LeafSystem):
         )
         return TrackingData(
             state=self._state_input.Eval(context),
-            reference=self._reference_input.Eval(context).reshape(-1, 3),
+            reference=self._window(context)[self._lead :],
             half_width=_eval_or(self._half_width_input, context, np.zeros(n)),
             input_lower=lower,
             input_upper=upper,
@@ -272,6 +279,7 @@ class NominalNmpc(LeafSystem):
         guess = warm_start(self._problem, previous, data.state)
         solution = self._solver.solve(data, guess)
         plan = next_plan(self._problem, previous, data, solution, applied)
+        plan = dc.replace(plan, reference=self._window(context)[0])
         next_state.get_mutable_abstract_state(int(self._plan)).set_value(plan)
 
 
@@ -286,8 +294,9 @@ def AddNominalNmpc(
     *,
     period: float,
     input_limit: float = 100.0,
+    lead: int = 0,
     name: str = "nominal_nmpc",
 ) -> NominalNmpc:
     """Adds a NominalNmpc to ``builder``; the caller connects its ports."""
-    system = NominalNmpc(config, model, period=period, input_limit=input_limit)
+    system = NominalNmpc(config, model, period=period, input_limit=input_limit, lead=lead)
     return builder.AddNamedSystem(name, system)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from mirte_drake.errors import UserError
+from mirte_drake.model.lagged_model import LaggedModel
 from mirte_drake.model.model_file import (
     IDENTIFIED_MODELS,
     Identification,
@@ -42,13 +43,30 @@ def model_error(path: Path, text: str) -> str:
 
 
 def test_published_models_come_with_the_package():
-    assert model_names() == PUBLISHED
+    assert model_names() == sorted([*PUBLISHED, "lagged", "lagged_multibody"])
     for name in PUBLISHED:
         content = load_model_file(name)
         assert content.name == name
         assert list(content.inputs.values()) == 4 * ["pwm_percent"]
         assert content.identification.source
         assert len(content.identification.data_sha256) == 64
+
+
+def test_the_lagged_model_comes_with_the_package_and_survives_a_file(tmp_path):
+    content = load_model_file("lagged")
+    assert len(content.identification.data_sha256) == 64
+    path = tmp_path / "copy.yaml"
+    save_model_file(content, path)
+    model, copy = load_model("lagged"), load_model(path)
+    assert isinstance(model, LaggedModel) and isinstance(copy, LaggedModel)
+    np.testing.assert_equal(vars(copy.parameters), vars(model.parameters))
+
+
+def test_a_lagged_model_has_no_terms(tmp_path):
+    text = "lagged: {deadband: 5}\nstates: {x: m, y: m, theta: rad}\n"
+    assert "lagged: " in model_error(tmp_path / "both.yaml", text)
+    assert "deadband: " in model_error(tmp_path / "bad.yaml", "lagged: {deadband: -5}\n")
+    assert "wheel" in model_error(tmp_path / "unknown.yaml", "lagged: {wheel: 5}\n")
 
 
 def test_name_and_path_give_the_same_model():

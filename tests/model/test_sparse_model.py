@@ -3,11 +3,11 @@ import pytest
 from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
 from pydrake.symbolic import Variable
 
-from mirte_drake.model.model_file import load_model, model_names
+from mirte_drake.model.model_file import load_model, load_model_file, model_names
 from mirte_drake.model.prediction_model import PredictionModel
 from mirte_drake.model.sparse_model import SparseModel
 
-NAMES = model_names()
+NAMES = [name for name in model_names() if load_model_file(name).lagged is None]
 
 
 @pytest.fixture(scope="module", params=NAMES)

@@ -8,6 +8,7 @@ from system_ports import feedthrough, port_table
 from mirte_drake.control.plan import SolveStatus
 from mirte_drake.hardware.messages import NOTHING, GuardStatus, Odometry
 from mirte_drake.hardware.odometry_check import OdometryLimits
+from mirte_drake.model.lagged_model import LaggedModel, LaggedParameters
 from mirte_drake.model.model_file import load_model
 from mirte_drake.robots.wire_robot import WireRobot
 
@@ -123,6 +124,20 @@ def test_an_old_measurement_is_rolled_forward_with_the_commands_that_were_sent()
     assert drive.get("odometry_age")[0] == pytest.approx(0.15)
     expected = MODEL.step(expected, np.full(4, 20.0), 0.12)
     np.testing.assert_allclose(drive.get("pose"), expected, atol=1e-9)
+
+
+def test_a_lagged_model_is_rolled_forward_from_the_measured_velocity_with_late_commands():
+    parameters = LaggedParameters(lag=np.full(3, 0.2), delay=1)
+    model = LaggedModel("late", parameters)
+    dut = WireRobot(model, start=np.zeros(3), period=0.1, session=7, limits=OdometryLimits())
+    drive = Drive(dut)
+    drive.to_sample(5.0, odometry(5.0, np.zeros(3)))
+    drive.to_sample(5.1, odometry(5.1, [0.01, 0, 0]), command=(10, 10, 10, 10))
+    message = odometry(5.17, [0.03, 0, 0], delay=0.03, velocity=(0.1, 0.0, 0.0))
+    drive.to_sample(5.2, message, command=FORWARD)
+    # What was sent at 5.0 acts from 5.1 to 5.2.
+    expected = model.step(np.array([0.03, 0, 0, 0.1, 0, 0]), np.full(4, 10.0), 0.03)
+    np.testing.assert_allclose(drive.get("pose"), expected[:3], atol=1e-9)
 
 
 def test_rolling_forward_can_be_switched_off():

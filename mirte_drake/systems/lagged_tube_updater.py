@@ -1,0 +1,191 @@
+"""Propagates the tube of a robot whose velocity lags, and tightens the nominal inputs."""
+
+import dataclasses as dc
+
+import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    DiagramBuilder,
+    LeafSystem,
+    State,
+)
+
+from mirte_drake.checks import check_array, check_choice, check_number
+from mirte_drake.control.lagged_tube import (
+    EllipsoidTube,
+    LaggedLoop,
+    ModeTube,
+    box_of_state,
+    input_room,
+)
+from mirte_drake.control.plan import Plan
+from mirte_drake.model.lagged_model import LaggedModel
+from mirte_drake.vectors import POSE_SIZE, YAW
+
+
+@dc.dataclass
+class LaggedTubeConfig:
+    """Config of LaggedTubeUpdater."""
+
+    # (3,) [m, m, rad] Bound on the innovations, forward, sideways, turning.
+    innovation_bound: np.ndarray = dc.field(default_factory=lambda: np.array([0.002, 0.002, 0.006]))
+    # [pwm] By which an effective command may miss what is asked for: whole percents. Within the
+    # deadband it may miss by half of that; there the tube does not hold.
+    command_error: float = 0.5
+    shape: str = "modes"  # "modes" or "ellipsoid", see ``control.lagged_tube``.
+    gamma: float = 1.0  # [-] Of the ellipsoid, in terms of innovations as large as their bound.
+
+    def validate(self) -> None:
+        """Raises ValueError when a value is out of range."""
+        check_array("innovation_bound", self.innovation_bound, (POSE_SIZE,), minimum=0)
+        check_number("command_error", self.command_error, minimum=0)
+        check_choice("shape", self.shape, ("modes", "ellipsoid"))
+        check_number("gamma", self.gamma, above=0)
+
+
+class LaggedTubeUpdater(LeafSystem):
+    """Holds what bounds the error of the estimated state around the nominal one.
+
+    .. pydrake_system::
+
+        name: LaggedTubeUpdater
+        input_ports:
+        - plan
+        - state
+        - bias
+        output_ports:
+        - half_width
+        - error_bound
+        - input_lower
+        - input_upper
+
+    ===========  ===============  ==================  ============================================
+    port         type             unit                meaning
+    ===========  ===============  ==================  ============================================
+    plan (in)    Plan             -                   its inputs are effective commands
+    state (in)   vector (6,)      model's             estimated
+    bias (in)    vector (3,)      [m/s, m/s, rad/s]   that the ancillary law takes off
+    half_width   vector (6,)      model's             of a box within the tube around ``state``
+    error_bound  vector (6,)      robot's frame       of position (3) and velocity (3) in the tube
+    input_lower  vector (4 N,)    [pwm]               bounds per stage, by rows, that leave room
+                                                      for ancillary law and bias
+    input_upper  vector (4 N,)    [pwm]               the same
+    ===========  ===============  ==================  ============================================
+
+    State, every ``period`` s: the tube of the next sample, and the room for the ancillary law at
+    each stage of a plan that begins there, both by the plan of this sample. No output has
+    feedthrough from ``plan``.
+
+    Raises:
+        ValueError: when ``config`` is out of range (at construction).
+    """
+
+    def __init__(
+        self,
+        config: LaggedTubeConfig,
+        model: LaggedModel,
+        loop: LaggedLoop,
+        gains: np.ndarray,
+        *,
+        period: float,
+        horizon: int,
+        input_limit: float,
+    ) -> None:
+        """Declares ports and state.
+
+        Args:
+            config: The config.
+            model: The model.
+            loop: Its closed loop with ancillary law and observer.
+            gains: (3, 2) of the ancillary law.
+            period: [s] sample time T_s.
+            horizon: N, stages that get bounds.
+            input_limit: [pwm] bound of every effective command.
+        """
+        super().__init__()
+        config.validate()
+        self._gains, self._horizon, self._limit = gains, horizon, input_limit
+        self._map = model.effective().steady_velocity_jacobian(np.zeros(model.num_inputs))
+        bound = config.innovation_bound
+        missed = config.command_error * np.sum(np.abs(self._map), axis=1)
+        self._tube: ModeTube | EllipsoidTube = (
+            ModeTube(loop, bound, missed)
+            if config.shape == "modes"
+            else EllipsoidTube(loop, bound, missed, config.gamma)
+        )
+        self._inverse = np.linalg.pinv(self._map)
+        n, m = model.num_states, model.num_inputs
+        self._plan_input = self.DeclareAbstractInputPort("plan", AbstractValue.Make(object()))
+        self._state_input = self.DeclareVectorInputPort("state", n)
+        self._bias_input = self.DeclareVectorInputPort("bias", POSE_SIZE)
+        tube, room = self._tube.start(), np.zeros((horizon, m))
+        self._state = self.DeclareAbstractState(AbstractValue.Make((tube, room)))
+        held = self.abstract_state_ticket(self._state)
+        self.DeclareVectorOutputPort(
+            "half_width", n, self._calc_half_width, {held, self._state_input.ticket()}
+        )
+        self.DeclareVectorOutputPort("error_bound", n, self._calc_error_bound, {held})
+        sources = {held, self._bias_input.ticket()}
+        self.DeclareVectorOutputPort("input_lower", horizon * m, self._calc_lower, sources)
+        self.DeclareVectorOutputPort("input_upper", horizon * m, self._calc_upper, sources)
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
+
+    def _get(self, context: Context) -> tuple[np.ndarray, np.ndarray]:
+        return context.get_abstract_state(int(self._state)).get_value()
+
+    def _calc_half_width(self, context: Context, output: BasicVector) -> None:
+        tube, _ = self._get(context)
+        yaw = self._state_input.Eval(context)[YAW]
+        output.SetFromVector(box_of_state(self._tube.box(tube), yaw))
+
+    def _calc_error_bound(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(self._tube.components(self._get(context)[0]).T.ravel())
+
+    def _bounds(self, context: Context, side: float) -> np.ndarray:
+        _, room = self._get(context)
+        shift = self._inverse @ self._bias_input.Eval(context)
+        # No bound passes the middle: there the nominal input gives no freedom, but one solution.
+        return shift + side * np.maximum(self._limit - room, 0.0)
+
+    def _calc_lower(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(self._bounds(context, -1.0).ravel())
+
+    def _calc_upper(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(self._bounds(context, 1.0).ravel())
+
+    def _update(self, context: Context, next_state: State) -> None:
+        plan: Plan = self._plan_input.Eval(context)
+        tube, _ = self._get(context)
+        turns = np.diff(plan.states[:, YAW])
+        velocities = plan.inputs @ self._map.T
+        following = tube = self._tube.advance(tube, turns[0])
+        rooms = []
+        for i in range(1, self._horizon + 1):
+            last = min(i, self._horizon - 1)
+            rooms.append(
+                input_room(self._tube, following, self._gains, velocities[last], self._inverse)
+            )
+            following = self._tube.advance(following, turns[last])
+        value = next_state.get_mutable_abstract_state(int(self._state))
+        value.set_value((tube, np.array(rooms)))
+
+
+def AddLaggedTubeUpdater(
+    builder: DiagramBuilder,
+    config: LaggedTubeConfig,
+    model: LaggedModel,
+    loop: LaggedLoop,
+    gains: np.ndarray,
+    *,
+    period: float,
+    horizon: int,
+    input_limit: float,
+    name: str = "lagged_tube_updater",
+) -> LaggedTubeUpdater:
+    """Adds a LaggedTubeUpdater to ``builder``; the caller connects its ports."""
+    system = LaggedTubeUpdater(
+        config, model, loop, gains, period=period, horizon=horizon, input_limit=input_limit
+    )
+    return builder.AddNamedSystem(name, system)
