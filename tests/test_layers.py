@@ -19,7 +19,7 @@ LAYERS = [
     {"scenario"},
     {"assembly"},
     {"run", "collect", "pacing", "drive", "drive_recorder", "wire_session", "stand_in"},
-    {"benchmark", "comparison", "faults"},
+    {"benchmark", "campaign", "comparison", "faults"},
     {"cli", "__main__"},
 ]
 # Read by assembly, run and cli; reads arrays and Diagrams, not the layers above `vectors`.
