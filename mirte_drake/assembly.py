@@ -4,11 +4,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from pydrake.systems.framework import Diagram, DiagramBuilder
-from pydrake.systems.primitives import ZeroOrderHold
+from pydrake.systems.primitives import Demultiplexer, ZeroOrderHold
 
 from mirte_drake.errors import UserError
 from mirte_drake.hardware.link import Link, Role
 from mirte_drake.hardware.wire_config import open_link
+from mirte_drake.model.lagged_model import LaggedModel
+from mirte_drake.model.prediction_model import PredictionModel
 from mirte_drake.robots.lcm_robot import MakeLcmRobot
 from mirte_drake.robots.measured_robot import AddMeasuredRobot
 from mirte_drake.robots.robot_ports import RobotPorts, WirePorts
@@ -18,9 +20,11 @@ from mirte_drake.robots.wire_robot import WireRobot
 from mirte_drake.robots.wired_robot import wired_ports
 from mirte_drake.scenario import Scenario, WiredRobotConfig, load_prediction_model
 from mirte_drake.systems.ancillary_dlqr import AddAncillaryDlqr
+from mirte_drake.systems.ancillary_lagged import AddAncillaryLagged
 from mirte_drake.systems.disturbance_source import AddDisturbanceSource, DisturbanceSource
 from mirte_drake.systems.nominal_nmpc import AddNominalNmpc
 from mirte_drake.systems.reference_source import AddReferenceSource, ReferenceSource
+from mirte_drake.systems.state_estimator import AddStateEstimator
 from mirte_drake.systems.tube_updater import AddTubeUpdater
 from mirte_drake.systems.velocity_setpoint import (
     AddVelocitySetpointSource,
@@ -84,14 +88,106 @@ def _add_wired_robot(
 def AddReference(
     builder: DiagramBuilder, scenario: Scenario
 ) -> ReferenceSource | VelocitySetpointSource:
-    """Adds the source of the reference; ports ``reference`` and ``reference_window``."""
-    path, period, horizon = scenario.reference, scenario.period, scenario.nominal_nmpc.horizon
+    """Adds the source of the reference; ports ``reference`` and ``reference_window``.
+
+    The window reaches over the horizon of a plan that begins after the controller's delay.
+    """
+    path, period = scenario.reference, scenario.period
+    horizon = scenario.nominal_nmpc.horizon + scenario.delay
     if isinstance(path, VelocitySetpointConfig):
         return AddVelocitySetpointSource(builder, path, period=period, horizon=horizon)
     return AddReferenceSource(builder, path, period=period, horizon=horizon)
 
 
 def MakeController(scenario: Scenario) -> Diagram:
+    """Builds the controller of a scenario: ``MakeTubeController`` or ``MakeLaggedController``.
+
+    Both take ``pose`` and ``reference_window`` and give ``wheel_command``, ``plan`` and
+    ``solve_status``.
+
+    Raises:
+        UserError: when the prediction model cannot be read, does not fit the controller, or cannot
+            be stabilised.
+        ValueError: when a config is out of range.
+    """
+    scenario.validate()
+    model = load_prediction_model(scenario)
+    if isinstance(model, LaggedModel):
+        return MakeLaggedController(scenario, model)
+    return MakeTubeController(scenario, model)
+
+
+def MakeLaggedController(scenario: Scenario, model: LaggedModel) -> Diagram:
+    """Builds the controller of a robot whose velocity lags.
+
+    .. pydrake_system::
+
+        name: Controller
+        input_ports:
+        - pose
+        - reference_window
+        output_ports:
+        - wheel_command
+        - plan
+        - solve_status
+        - state
+        - bias
+
+    Estimator, nominal NMPC, ancillary law, limiter and hold. Everything from the estimator's
+    ``state`` (6,) on is about the sample at which the command begins to act, a delay of d samples
+    after the measured ``pose`` (3,): the ``reference_window`` (3 (d + N + 1),) holds r_k, ...,
+    r_{k+d+N}, of which the plan tracks those from r_{k+d} on. The plan's inputs are effective
+    commands, ``wheel_command`` (4,) [pwm] is what gives them.
+
+    Args:
+        scenario: The scenario.
+        model: Its prediction model.
+
+    Raises:
+        UserError: when the prediction model cannot be stabilised.
+        ValueError: when a config is out of range.
+    """
+    assert scenario.state_estimator is not None and scenario.ancillary_lagged is not None
+    period, horizon, delay = scenario.period, scenario.nominal_nmpc.horizon, scenario.delay
+    effective, limit = model.effective(), model.effective_limit(scenario.input_limit)
+    builder = DiagramBuilder()
+    estimator = AddStateEstimator(builder, scenario.state_estimator, model, period=period)
+    with _naming("nominal_nmpc"):
+        nmpc = AddNominalNmpc(
+            builder, scenario.nominal_nmpc, effective, period=period, input_limit=limit
+        )
+    ancillary = AddAncillaryLagged(
+        builder, scenario.ancillary_lagged, model, period=period, input_limit=limit
+    )
+    limiter = AddWheelCommandLimiter(
+        builder, scenario.wheel_command_limiter, input_limit=scenario.input_limit
+    )
+    hold = builder.AddNamedSystem("command_hold", ZeroOrderHold(period, model.num_inputs))
+    sizes = [3 * delay] * (delay > 0) + [3 * (horizon + 1)]
+    preview = builder.AddNamedSystem("preview", Demultiplexer(sizes))
+
+    builder.ExportInput(estimator.GetInputPort("pose"), "pose")
+    builder.ExportInput(preview.get_input_port(), "reference_window")
+    builder.Connect(preview.get_output_port(len(sizes) - 1), nmpc.GetInputPort("reference_window"))
+    builder.Connect(estimator.GetOutputPort("state"), nmpc.GetInputPort("state"))
+    builder.Connect(estimator.GetOutputPort("state"), ancillary.GetInputPort("state"))
+    builder.Connect(estimator.GetOutputPort("bias"), ancillary.GetInputPort("bias"))
+    builder.Connect(nmpc.GetOutputPort("plan"), ancillary.GetInputPort("plan"))
+    builder.Connect(ancillary.GetOutputPort("wheel_command"), limiter.GetInputPort("wheel_command"))
+    limited = limiter.GetOutputPort("limited_command")
+    builder.Connect(limited, hold.get_input_port())
+    builder.Connect(limited, estimator.GetInputPort("wheel_command"))
+    builder.ExportOutput(hold.get_output_port(), "wheel_command")
+    builder.ExportOutput(nmpc.GetOutputPort("plan"), "plan")
+    builder.ExportOutput(nmpc.GetOutputPort("solve_status"), "solve_status")
+    builder.ExportOutput(estimator.GetOutputPort("state"), "state")
+    builder.ExportOutput(estimator.GetOutputPort("bias"), "bias")
+    controller = builder.Build()
+    controller.set_name("controller")
+    return controller
+
+
+def MakeTubeController(scenario: Scenario, model: PredictionModel) -> Diagram:
     """Builds the controller: nominal NMPC, ancillary DLQR, tube updater, limiter and hold.
 
     .. pydrake_system::
@@ -112,13 +208,14 @@ def MakeController(scenario: Scenario) -> Diagram:
     follows from the pose at that instant. ``half_width`` is there with a tube, ``designs`` with
     an ancillary law; the baseline NMPC has neither.
 
+    Args:
+        scenario: The scenario.
+        model: Its prediction model; its state is the pose.
+
     Raises:
-        UserError: when the prediction model has states beside the pose, cannot be read, or cannot
-            be stabilised.
+        UserError: when the prediction model cannot be stabilised.
         ValueError: when a config is out of range.
     """
-    scenario.validate()
-    model = load_prediction_model(scenario)
     period, horizon, limit = scenario.period, scenario.nominal_nmpc.horizon, scenario.input_limit
     builder = DiagramBuilder()
     with _naming("nominal_nmpc"):

@@ -122,14 +122,14 @@ def _sample(diagram: Diagram, context: Context) -> dict[str, object]:
 
     plan = evaluate("plan")
     assert isinstance(plan, Plan)
-    gain = np.zeros((plan.inputs.shape[1], plan.states.shape[1]))
+    gain = np.zeros((plan.inputs.shape[1], POSE_SIZE))
     if diagram.HasOutputPort("designs"):
         designs: tuple[DlqrDesign, ...] = evaluate("designs")  # type: ignore[assignment]
         gain = designs[0].gain
     disturbed = diagram.HasOutputPort("disturbance")
     return {
         "time": context.get_time(),
-        "reference": plan.data.reference[0],
+        "reference": evaluate("reference"),
         "pose": evaluate("pose"),
         "nominal_pose": plan.nominal_state[POSE],
         "nominal_next": plan.nominal_next[POSE],
@@ -137,7 +137,7 @@ def _sample(diagram: Diagram, context: Context) -> dict[str, object]:
         "nominal_input": plan.nominal_input,
         "applied_input": evaluate("wheel_command"),
         "gain": gain,
-        "half_width": plan.data.half_width,
+        "half_width": plan.data.half_width[POSE],
         "input_lower": plan.data.input_lower[0],
         "input_upper": plan.data.input_upper[0],
         "disturbance": evaluate("disturbance") if disturbed else np.zeros(POSE_SIZE),

@@ -13,7 +13,8 @@ from mirte_drake.control.reference_paths import RectanglePath
 from mirte_drake.errors import UserError
 from mirte_drake.files import read_text
 from mirte_drake.model.model_file import load_model
-from mirte_drake.model.sparse_model import SparseModel
+from mirte_drake.model.lagged_model import LaggedModel
+from mirte_drake.model.prediction_model import PredictionModel
 from mirte_drake.robots.dynamic_robot import DynamicRobotConfig
 from mirte_drake.robots.lcm_robot import LcmRobotConfig
 from mirte_drake.robots.measured_robot import RobotConfig
@@ -21,6 +22,7 @@ from mirte_drake.robots.odometry_sensor import OdometrySensorConfig
 from mirte_drake.robots.ros2_robot import Ros2RobotConfig
 from mirte_drake.robots.sindyc_robot import SindycRobotConfig
 from mirte_drake.systems.ancillary_dlqr import AncillaryDlqrConfig
+from mirte_drake.systems.ancillary_lagged import AncillaryLaggedConfig
 from mirte_drake.systems.disturbance_source import (
     DisturbanceConfig,
     RecordedDisturbance,
@@ -28,6 +30,7 @@ from mirte_drake.systems.disturbance_source import (
 )
 from mirte_drake.systems.nominal_nmpc import NominalNmpcConfig
 from mirte_drake.systems.reference_source import ReferencePathConfig
+from mirte_drake.systems.state_estimator import StateEstimatorConfig
 from mirte_drake.systems.tube_updater import TubeUpdaterConfig
 from mirte_drake.systems.velocity_setpoint import VelocitySetpointConfig
 from mirte_drake.systems.wheel_command_limiter import WheelCommandLimiterConfig
@@ -57,7 +60,8 @@ class Scenario:
     duration: float | None = None  # [s]; null: the reference path's own.
     period: float = 0.1  # [s] T_s.
     input_limit: float = 100.0  # [pwm] every wheel, LB = -UB.
-    prediction_model: str = "extended_kinematic"  # Name or YAML file; its state is the pose.
+    # Name or YAML file. Of a lagged one the state is estimated; of others it must be the pose.
+    prediction_model: str = "extended_kinematic"
     reference: ReferencePathConfig | VelocitySetpointConfig = dc.field(
         default_factory=RectanglePath
     )
@@ -65,6 +69,9 @@ class Scenario:
     ancillary_dlqr: AncillaryDlqrConfig | None = dc.field(default_factory=AncillaryDlqrConfig)
     # null: the baseline NMPC, which starts from the measured state with full input bounds.
     tube_updater: TubeUpdaterConfig | None = dc.field(default_factory=TubeUpdaterConfig)
+    # With a lagged prediction model, and only then, in place of the two above.
+    state_estimator: StateEstimatorConfig | None = None
+    ancillary_lagged: AncillaryLaggedConfig | None = None
     wheel_command_limiter: WheelCommandLimiterConfig = dc.field(
         default_factory=WheelCommandLimiterConfig
     )
@@ -83,7 +90,7 @@ class Scenario:
         Raises:
             ValueError: naming the field, its value and what it must be.
         """
-        load_prediction_model(self)
+        model = load_prediction_model(self)
         check_number("seed", self.seed, minimum=0, maximum=2**53)
         check_number("period", self.period, above=0)
         check_number("input_limit", self.input_limit, above=0)
@@ -96,6 +103,27 @@ class Scenario:
         check_parts(self)
         if self.tube_updater is not None and self.ancillary_dlqr is None:
             raise ValueError("tube_updater: needs ancillary_dlqr; set it, or both to null")
+        self._check_parts_of_the_model(isinstance(model, LaggedModel))
+
+    def _check_parts_of_the_model(self, lagged: bool) -> None:
+        """Checks that the controller consists of what its prediction model needs."""
+        for field in ("state_estimator", "ancillary_lagged"):
+            if (getattr(self, field) is not None) != lagged:
+                wrong = "must be given" if lagged else "must be null"
+                kind = "a lagged" if lagged else "no lagged"
+                raise ValueError(
+                    f"{field}: {wrong}, {self.prediction_model!r} is {kind} prediction model"
+                )
+        if lagged and self.ancillary_dlqr is not None:
+            raise ValueError("ancillary_dlqr: must be null with a lagged prediction model")
+
+    @property
+    def delay(self) -> int:
+        """Samples from command to motion that the controller plans with."""
+        if self.state_estimator is None:
+            return 0
+        delay = self.state_estimator.delay
+        return load_prediction_model(self).delay if delay is None else delay
 
     @property
     def first_pose(self) -> np.ndarray:
@@ -132,7 +160,7 @@ class Scenario:
         return len(self.reference.poses(self.period))
 
 
-def load_prediction_model(scenario: Scenario) -> SparseModel:
+def load_prediction_model(scenario: Scenario) -> PredictionModel:
     """Returns the model that the controller predicts with.
 
     Raises:
@@ -147,11 +175,11 @@ def load_prediction_model(scenario: Scenario) -> SparseModel:
             f"prediction_model: {scenario.prediction_model!r} must have {len(WHEELS)} inputs, "
             f"one per wheel, got {model.num_inputs}"
         )
-    if model.num_states != POSE_SIZE:
+    if model.num_states != POSE_SIZE and not isinstance(model, LaggedModel):
         raise UserError(
             f"prediction_model: {scenario.prediction_model!r} has states beside the pose "
             f"({', '.join(model.states[POSE_SIZE:])}), which the robot does not measure; "
-            "use kinematic or extended_kinematic"
+            "use kinematic, extended_kinematic or lagged"
         )
     return model
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
@@ -17,10 +18,12 @@ from mirte_drake.identification.model_structure import KINDS
 if TYPE_CHECKING:
     from mirte_drake.identification.recorded_run import RecordedRun
 
+LAGGED = "lagged"
+
 
 @commands.command()
 @data_option
-@click.option("--model", "kind", type=click.Choice(KINDS), default="extended_kinematic")
+@click.option("--model", "kind", type=click.Choice((*KINDS, LAGGED)), default="extended_kinematic")
 @click.option(
     "--mode",
     type=click.Choice(("converged", "published")),
@@ -56,7 +59,10 @@ def identify(
     figures: Path | None,
     output: Path | None,
 ) -> None:
-    """Identifies a model from a recording (SINDYc), prints its equations and writes it as YAML."""
+    """Identifies a model from a recording, prints its equations and writes it as YAML.
+
+    By SINDYc; "lagged" by the error of open-loop simulation, and prints how it was chosen.
+    """
     from mirte_drake.identification.fit_sindyc import identify as fit
     from mirte_drake.identification.fit_sindyc import search_thresholds
     from mirte_drake.identification.reports import threshold_text
@@ -64,6 +70,12 @@ def identify(
     from mirte_drake.model.model_file import save_model_file
 
     output = output or Path("runs") / f"{kind}.yaml"
+    if kind == LAGGED:
+        given = {"--thresholds": thresholds, "--search": search, "--latex": latex}
+        if wrong := [option for option, value in given.items() if value]:
+            raise UserError(f"{wrong[0]}: is for models of terms; leave it out for {LAGGED}")
+        _identify_lagged(data, figures, output)
+        return
     run = load_recording(data)
     chosen = _parse_thresholds(thresholds, kind) if thresholds else None
     if search:
@@ -79,6 +91,30 @@ def identify(
     for name, score in model.training_scores.items():
         click.echo(f"{name.replace('_', ' ')}: {score:.4f}", err=True)
     click.echo(f"Written to {output}", err=True)  # The equations alone go to standard output.
+
+
+def _identify_lagged(data: Path | None, figures: Path | None, output: Path) -> None:
+    from mirte_drake.identification.fit_lagged import (
+        fit_lagged,
+        fit_steps,
+        fit_text,
+        lagged_model_file,
+    )
+    from mirte_drake.model.equations import equations_text
+    from mirte_drake.model.model_file import save_model_file
+
+    run = load_recording(data)
+    with click.progressbar(length=fit_steps(), label="fit", file=sys.stderr) as bar:
+        fit = fit_lagged(run, on_step=lambda: bar.update(1))
+    model = lagged_model_file(fit, run, date=date.today().isoformat())
+    save_model_file(model, output)
+    if figures:
+        _save_training_figures(run, "converged", figures)
+    click.echo(fit_text(fit), err=True)
+    click.echo(equations_text(model))
+    for name, score in model.training_scores.items():
+        click.echo(f"{name.replace('_', ' ')}: {score:.4f}", err=True)
+    click.echo(f"Written to {output}", err=True)
 
 
 @commands.command()

@@ -7,8 +7,9 @@ import numpy as np
 from mirte_drake.control.riccati import solve_dare
 from mirte_drake.model.prediction_model import PredictionModel
 from mirte_drake.model.term_table import dense
-from mirte_drake.vectors import POSE, YAW
+from mirte_drake.vectors import POSE, POSE_SIZE, YAW
 
+TRIFLE = 1e-6  # Of the smallest weight on the pose: keeps a weight on all states definite.
 LARGEST_RESIDUAL = 1e-9  # Of the Riccati equation, relative to P.
 
 
@@ -121,7 +122,19 @@ def straight_line_terminal_weight(
     """Returns the Riccati matrix P (n, n) of steady forward driving at yaw 0 (section 4-2).
 
     Near the published P, which it does not reproduce: where that was linearised is not known.
+
+    Of a model with more states it is the cost of an error of the pose alone, if the other states'
+    are at best: P_pp - P_pv P_vv^-1 P_vp. These states bear no cost of their own but a trifle.
     """
-    u = steady_input(model, np.array([speed, 0.0, 0.0]))
-    _, A, B = model.linearise(np.zeros(model.num_states), u)
-    return solve_dlqr(*discretise_euler(A, B, period), Q, R)[1]
+    n = model.num_states
+    if n == POSE_SIZE:
+        u = steady_input(model, np.array([speed, 0.0, 0.0]))
+        _, A, B = model.linearise(np.zeros(n), u)
+        return solve_dlqr(*discretise_euler(A, B, period), Q, R)[1]
+    jacobian = model.step_jacobians(np.zeros(n), np.zeros(model.num_inputs), period)
+    weight = np.diag(np.full(n, TRIFLE * np.min(np.diag(Q))))
+    weight[POSE, POSE] = Q
+    _, P = solve_dlqr(jacobian[:, :n], jacobian[:, n:], weight, R)
+    beside = slice(POSE_SIZE, n)
+    rest = P[POSE, POSE] - P[POSE, beside] @ np.linalg.solve(P[beside, beside], P[beside, POSE])
+    return 0.5 * (rest + rest.T)

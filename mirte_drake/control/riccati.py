@@ -20,7 +20,7 @@ def _product(X: np.ndarray, Y: np.ndarray) -> np.ndarray:
 
 
 @compiled
-def _solve(X: np.ndarray, Y: np.ndarray) -> np.ndarray:
+def solve_linear(X: np.ndarray, Y: np.ndarray) -> np.ndarray:
     """Returns X^-1 Y by elimination with pivoting; numba takes 10 s to compile numpy's."""
     X, Z, n = X.copy(), Y.copy(), len(X)
     for k in range(n):
@@ -86,18 +86,18 @@ def solve_dare(
     Stability is proven, not assumed: P and P - (A - B K)' P (A - B K) must be positive definite
     (Lyapunov).
     """
-    P, F, G, identity = Q.copy(), A.copy(), _product(B, _solve(R, B.T.copy())), np.eye(len(A))
+    P, F, G, identity = Q.copy(), A.copy(), _product(B, solve_linear(R, B.T.copy())), np.eye(len(A))
     for _ in range(MAX_DOUBLINGS):
         W = identity + _product(G, P)
-        F_W = _solve(W, F)
+        F_W = solve_linear(W, F)
         change = _product(F.T.copy(), _product(P, F_W))
-        G += _product(F, _product(_solve(W, G), F.T.copy()))
+        G += _product(F, _product(solve_linear(W, G), F.T.copy()))
         F = _product(F, F_W)
         P += change
         if not _largest(change) > CONVERGED * _largest(P):
             break
     P_B = _product(P, B)
-    K = _solve(R + _product(B.T.copy(), P_B), _product(P_B.T.copy(), A))
+    K = solve_linear(R + _product(B.T.copy(), P_B), _product(P_B.T.copy(), A))
     closed_loop = A - _product(B, K)
     P_closed_loop = _product(P, closed_loop)
     residual = _product(A.T.copy(), P_closed_loop) + Q - P

@@ -23,7 +23,7 @@ from mirte_drake.identification.one_step_bound import (
 )
 from mirte_drake.identification.recorded_run import RecordedRun
 from mirte_drake.identification.validation import validate_model
-from mirte_drake.model.sparse_model import SparseModel
+from mirte_drake.model.prediction_model import PredictionModel
 
 AXES = ("vx", "vy", "yaw rate")
 TRAINING_SHARE = 0.6  # Of the recording, at its beginning.
@@ -82,7 +82,7 @@ class DisturbanceEstimate:
 
 
 def estimate_disturbance(
-    model: SparseModel, run: RecordedRun, *, level: float = 0.95, integrator: str = "ode45"
+    model: PredictionModel, run: RecordedRun, *, level: float = 0.95, integrator: str = "ode45"
 ) -> DisturbanceEstimate:
     """Estimates a model's disturbance from a recording.
 

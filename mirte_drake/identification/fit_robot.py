@@ -24,6 +24,7 @@ import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
 from mirte_drake.errors import UserError
+from mirte_drake.identification.held_out import BLOCKS, VELOCITY_SCALE, held_out_error
 from mirte_drake.identification.recorded_run import RecordedRun, check_excitation
 from mirte_drake.identification.robot_validation import simulate_robot
 from mirte_drake.identification.validation import Validation
@@ -32,12 +33,9 @@ from mirte_drake.model.dynamic_model import DynamicParameters
 from mirte_drake.model.model_file import Identification
 from mirte_drake.model.robot_file import RobotFile
 
-BLOCKS = 8  # Held out in turn.
 STARTS = 3  # Of the final fit: the values below, and others around them.
 START_SPREAD = 0.3  # Standard deviation of the starts' logarithms.
 PULL = 0.02  # Weight of ln(parameter / start) beside a velocity error of VELOCITY_SCALE.
-# [m/s, m/s, rad/s] Errors that count the same: twice what a good model leaves unexplained.
-VELOCITY_SCALE = np.array([0.05, 0.03, 0.09])
 WORST_ERROR = 1e3  # In VELOCITY_SCALE: what a simulation that diverges counts as.
 
 # Start, least and largest value of all that is fitted. First what wheels and directions may
@@ -117,14 +115,12 @@ def fit_robot(
     for structure in structures:
         solution = problem.fit(structure, measured, problem.start(structure))
         on_step()
-        error = np.zeros(run.body_velocity.shape)
-        for rows in np.array_split(np.flatnonzero(measured), BLOCKS):
-            fitted = measured.copy()
-            fitted[rows] = False
-            x = problem.fit(structure, fitted, solution.x).x
-            error[rows] = problem.error(structure, x)[rows]
-            on_step()
-        held_out_errors[structure] = float(np.mean(error[measured] ** 2))
+        held_out_errors[structure] = held_out_error(
+            measured,
+            lambda rows, s=structure, guess=solution.x: problem.fit(s, rows, guess).x,
+            lambda x, s=structure: problem.error(s, x),
+            on_step,
+        )
         solutions[structure] = solution
     best = min(structures, key=held_out_errors.__getitem__)
     draw = np.random.default_rng(seed)

@@ -11,8 +11,8 @@ import numpy as np
 from mirte_drake.angles import pose_error, rotation
 from mirte_drake.errors import UserError
 from mirte_drake.identification.recorded_run import RecordedRun
-from mirte_drake.identification.validation import measured_states
-from mirte_drake.model.sparse_model import SparseModel
+from mirte_drake.identification.validation import delayed, measured_states
+from mirte_drake.model.prediction_model import PredictionModel
 from mirte_drake.vectors import POSE, YAW
 
 BLOCK = 5.0  # [s] Calibration and held-out data take turns in blocks of this length.
@@ -28,13 +28,13 @@ class OneStepBound:
     joint_coverage: float  # Share within on all axes at once.
 
 
-def one_step_error(model: SparseModel, run: RecordedRun) -> np.ndarray:
+def one_step_error(model: PredictionModel, run: RecordedRun) -> np.ndarray:
     """Returns w_k (N - 1, 3) [m/s, m/s, rad/s] of x_{k+1} = f(x_k, u_k) + T_s R(yaw_k) w_k.
 
     T_s is each sample's own duration. For x_k see ``validation.measured_states``.
     """
     turn = rotation(run.pose[:, YAW])
-    states = measured_states(model, run)
+    states, run = measured_states(model, run), delayed(run, model.delay)
     duration = np.diff(run.time)[:, None]
     predicted = model.step(states[:-1], run.wheel_command[:-1], duration)[:, POSE]
     error = pose_error(run.pose[1:], predicted) / duration

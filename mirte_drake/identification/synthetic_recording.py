@@ -11,7 +11,7 @@ from mirte_drake.control.reference_paths import integrate_body_velocity
 from mirte_drake.identification.recorded_run import RecordedRun
 from mirte_drake.identification.validation import body_velocity
 from mirte_drake.model.model_file import load_model
-from mirte_drake.model.sparse_model import SparseModel
+from mirte_drake.model.prediction_model import PredictionModel
 from mirte_drake.vectors import POSE, POSE_SIZE, YAW
 
 # [m/s, m/s, rad/s] One step of the odometry over 0.1 s, as a body velocity.
@@ -38,7 +38,7 @@ class SyntheticRecordingConfig:
 
 
 def synthetic_recording(
-    model: SparseModel | None = None,
+    model: PredictionModel | None = None,
     config: SyntheticRecordingConfig | None = None,
     *,
     seed: int = 0,
@@ -61,7 +61,7 @@ def synthetic_recording(
 
 
 def recording_of(
-    model: SparseModel,
+    model: PredictionModel,
     wheel_command: np.ndarray,
     config: SyntheticRecordingConfig,
     *,
@@ -108,7 +108,7 @@ def recording_of(
 
 
 def _mean_body_velocity(
-    model: SparseModel, inputs: np.ndarray, noise: np.ndarray, period: float
+    model: PredictionModel, inputs: np.ndarray, noise: np.ndarray, period: float
 ) -> np.ndarray:
     """Returns the model's mean body velocity (N, 3) over each sample of held input and noise.
 

@@ -10,9 +10,10 @@ import numpy as np
 from mirte_drake.angles import rotation
 from mirte_drake.checks import check_choice
 from mirte_drake.errors import UserError
+from mirte_drake.identification.model_structure import BODY_VELOCITIES
 from mirte_drake.identification.ode45 import ode45
 from mirte_drake.identification.recorded_run import RecordedRun
-from mirte_drake.model.sparse_model import SparseModel
+from mirte_drake.model.prediction_model import PredictionModel
 from mirte_drake.vectors import POSE, POSE_SIZE, YAW
 
 INTEGRATORS = ("zoh", "ode45")
@@ -37,7 +38,9 @@ class Validation:
         return self.states[:, POSE]
 
 
-def validate_model(model: SparseModel, run: RecordedRun, *, integrator: str = "zoh") -> Validation:
+def validate_model(
+    model: PredictionModel, run: RecordedRun, *, integrator: str = "zoh"
+) -> Validation:
     """Simulates a model over a recording, open loop, and compares.
 
     Yaw errors are not wrapped: both angles are continuous from the same start, so a whole turn
@@ -59,6 +62,7 @@ def validate_model(model: SparseModel, run: RecordedRun, *, integrator: str = "z
             f"model {model.name}: has {model.num_inputs} inputs, "
             f"the recording {run.wheel_command.shape[1]}"
         )
+    run = delayed(run, model.delay)
     simulate = {"zoh": simulate_held_inputs, "ode45": simulate_as_matlab}[integrator]
     with np.errstate(all="ignore"):
         states, inputs = simulate(model, run)
@@ -75,31 +79,38 @@ def validate_model(model: SparseModel, run: RecordedRun, *, integrator: str = "z
     )
 
 
+def delayed(run: RecordedRun, delay: int) -> RecordedRun:
+    """Returns a recording with its commands so many samples later, the first one until then."""
+    rows = np.maximum(np.arange(len(run.time)) - delay, 0)
+    return dc.replace(run, wheel_command=run.wheel_command[rows])
+
+
 def rmse(predicted: np.ndarray, measured: np.ndarray) -> np.ndarray:
     """Returns the root mean square error (m,) over the rows of two arrays (N, m)."""
     return np.sqrt(np.mean((predicted - measured) ** 2, axis=0))
 
 
-def measured_states(model: SparseModel, run: RecordedRun) -> np.ndarray:
+def measured_states(model: PredictionModel, run: RecordedRun) -> np.ndarray:
     """Returns the model states (N, n) that a recording tells.
 
-    Pose as measured; ``x_dot``, ``y_dot``, ``theta_dot`` the measured velocity turned into the
-    world frame (2-1); any other state zero.
+    Pose as measured; ``vx``, ``vy``, ``yaw_rate`` the measured velocity, and ``x_dot``, ``y_dot``,
+    ``theta_dot`` the same turned into the world frame (2-1); any other state zero.
     """
     rate = np.einsum("kij,kj->ki", rotation(run.pose[:, YAW]), run.body_velocity)
     names = model.states[:POSE_SIZE]
     known = dict(zip(names, run.pose.T, strict=True))
+    known |= dict(zip(BODY_VELOCITIES, run.body_velocity.T, strict=True))
     known |= {f"{name}_dot": column for name, column in zip(names, rate.T, strict=True)}
     return np.column_stack([known.get(state, np.zeros(len(rate))) for state in model.states])
 
 
-def body_velocity(model: SparseModel, states: np.ndarray, inputs: np.ndarray) -> np.ndarray:
+def body_velocity(model: PredictionModel, states: np.ndarray, inputs: np.ndarray) -> np.ndarray:
     """Returns the body velocity (..., 3) that a model has at states (..., n), inputs (..., m)."""
     rate = model.derivative(states, inputs)[..., POSE]
     return np.einsum("...ji,...j->...i", rotation(states[..., YAW]), rate)
 
 
-def simulate_held_inputs(model: SparseModel, run: RecordedRun) -> tuple[np.ndarray, np.ndarray]:
+def simulate_held_inputs(model: PredictionModel, run: RecordedRun) -> tuple[np.ndarray, np.ndarray]:
     """Integrates from sample to sample with the input held (RK4).
 
     Returns:
@@ -117,7 +128,7 @@ def simulate_held_inputs(model: SparseModel, run: RecordedRun) -> tuple[np.ndarr
     return states, run.wheel_command
 
 
-def simulate_as_matlab(model: SparseModel, run: RecordedRun) -> tuple[np.ndarray, np.ndarray]:
+def simulate_as_matlab(model: PredictionModel, run: RecordedRun) -> tuple[np.ndarray, np.ndarray]:
     """Integrates with ode45, on evenly spaced times, as the thesis's program does.
 
     It looks the input up by time ('previous') on ``linspace(0, T, N)`` and asks for output at

@@ -4,8 +4,11 @@ import dataclasses as dc
 import textwrap
 from collections.abc import Callable, Mapping
 
+from mirte_drake.geometry import FORWARD_KINEMATICS
 from mirte_drake.model.candidate_library import COS, SIN
+from mirte_drake.model.lagged_model import LaggedModel, LaggedParameters
 from mirte_drake.model.model_file import ModelFile
+from mirte_drake.vectors import POSE_SIZE
 
 DIGITS = 5
 _GLUE = "\N{NO-BREAK SPACE}"  # Holds a term together while lines are wrapped.
@@ -20,6 +23,8 @@ class _Notation:
 
 def equations_text(model: ModelFile, width: int = 100) -> str:
     """Returns the equations, terms with the same factor of yaw in brackets, wrapped at width."""
+    if model.lagged is not None:
+        return _lagged_text(model.lagged)
     lines = []
     for state, table in model.derivatives.items():
         left = f"d{state}/dt = "
@@ -30,6 +35,24 @@ def equations_text(model: ModelFile, width: int = 100) -> str:
                 first, width, subsequent_indent=indent + "  ", break_on_hyphens=False
             )
     return "\n".join(lines).replace(_GLUE, " ").replace("= - ", "= -").replace("(- ", "(-")
+
+
+def _lagged_text(lagged: LaggedParameters) -> str:
+    """Returns the equations of a LaggedModel; s are wheel speeds."""
+    kinematics = lagged.axis_gain[:, None] * FORWARD_KINEMATICS
+    lines = ["d(x, y)/dt = R(theta) (vx, vy)", "dtheta/dt = yaw_rate"]
+    for state, lag, row in zip(LaggedModel.states[POSE_SIZE:], lagged.lag, kinematics, strict=True):
+        terms = {f"s{wheel}": gain for wheel, gain in enumerate(row, start=1)}
+        (steady,) = _groups(terms, _TEXT)
+        steady = steady.replace(_GLUE, " ").removeprefix("+ ")
+        line = f"d{state}/dt = ({steady} - {state}) / {lag:.{DIGITS}g}"
+        lines.append(line.replace("(- ", "(-"))
+    driven = f"max(|u| - {lagged.deadband:.{DIGITS}g}, 0)"
+    for wheel, (forward, backward) in enumerate(lagged.wheel_gain.T, start=1):
+        gains = f"{forward:.{DIGITS}g} forward, {backward:.{DIGITS}g} backward"
+        lines.append(f"s{wheel} = sign(u{wheel}) {driven} times {gains}")
+    lines.append(f"u is that of {lagged.delay} samples ago")
+    return "\n".join(lines)
 
 
 def equations_latex(model: ModelFile) -> str:

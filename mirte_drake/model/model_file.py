@@ -7,6 +7,8 @@ from importlib.resources import files
 from pathlib import Path
 
 from mirte_drake.errors import UserError
+from mirte_drake.model.lagged_model import LaggedModel, LaggedParameters
+from mirte_drake.model.prediction_model import PredictionModel
 from mirte_drake.model.sparse_model import SparseModel
 from mirte_drake.typed_yaml import load_typed, write_typed
 
@@ -25,9 +27,10 @@ class Identification:
 
 @dc.dataclass
 class ModelFile:
-    """Content of a model's YAML file."""
+    """Content of a model's YAML file: a table of terms, or a lagged model's parameters."""
 
     name: str = ""
+    lagged: LaggedParameters | None = None  # Then the four below stay empty.
     states: dict[str, str] = dc.field(default_factory=dict)  # Name to unit, in order.
     inputs: dict[str, str] = dc.field(default_factory=dict)  # Name to unit, in order.
     auxiliaries: dict[str, dict[str, float]] = dc.field(default_factory=dict)
@@ -72,7 +75,22 @@ def load_model_file(name_or_path: str | os.PathLike) -> ModelFile:
     return load_typed(ModelFile, named_file("model", IDENTIFIED_MODELS, name_or_path))
 
 
-def load_model(name_or_path: str | os.PathLike) -> SparseModel:
+def load_sparse_model(name_or_path: str | os.PathLike) -> SparseModel:
+    """Returns the model of a name or YAML file, which must be a table of terms.
+
+    Raises:
+        UserError: when there is no such model, or it is another kind.
+    """
+    model = load_model(name_or_path)
+    if not isinstance(model, SparseModel):
+        raise UserError(
+            f"model {str(name_or_path)!r} is lagged: must be a table of terms, such as "
+            "extended_kinematic"
+        )
+    return model
+
+
+def load_model(name_or_path: str | os.PathLike) -> PredictionModel:
     """Returns the model of a name or YAML file.
 
     Raises:
@@ -84,14 +102,20 @@ def load_model(name_or_path: str | os.PathLike) -> SparseModel:
 
 
 @functools.cache
-def _identified_model(name: str) -> SparseModel:
+def _identified_model(name: str) -> PredictionModel:
     """Returns a model of the package, read once: its file and the model never change."""
     return _build(name)
 
 
-def _build(name_or_path: str | os.PathLike) -> SparseModel:
+def _build(name_or_path: str | os.PathLike) -> PredictionModel:
     content = load_model_file(name_or_path)
     try:
+        if content.lagged is not None:
+            if content.states or content.inputs or content.auxiliaries or content.derivatives:
+                raise ValueError(
+                    "lagged: a model with it has no states, inputs or terms of its own"
+                )
+            return LaggedModel(content.name, content.lagged)
         return SparseModel(
             content.name,
             list(content.states),

@@ -14,19 +14,25 @@ class PredictionModel(abc.ABC):
 
     Attributes:
         name: Name of the model.
+        states: Names of the states.
+        inputs: Names of the inputs.
+        delay: [samples] From command to input; who predicts takes the commands so much later.
     """
 
     name: str
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    delay: int = 0
 
     @property
-    @abc.abstractmethod
     def num_states(self) -> int:
         """Number of states n."""
+        return len(self.states)
 
     @property
-    @abc.abstractmethod
     def num_inputs(self) -> int:
         """Number of inputs m."""
+        return len(self.inputs)
 
     @abc.abstractmethod
     def derivative(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:

@@ -75,16 +75,6 @@ class SparseModel(PredictionModel):
         self._library = CandidateLibrary(variables, terms)
         self._table = term_table.tabulate(self.equations, self.states, self.inputs)
 
-    @property
-    def num_states(self) -> int:
-        """Number of states n."""
-        return len(self.states)
-
-    @property
-    def num_inputs(self) -> int:
-        """Number of inputs m."""
-        return len(self.inputs)
-
     def derivative(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Returns xdot (..., n) at states x (..., n) and inputs u (..., m), of any scalar type."""
         if np.result_type(x, u).hasobject:

@@ -10,7 +10,7 @@ from pydrake.systems.scalar_conversion import TemplateSystem
 from mirte_drake.checks import check_array
 from mirte_drake.errors import UserError
 from mirte_drake.model.model_file import load_model
-from mirte_drake.model.sparse_model import SparseModel
+from mirte_drake.model.prediction_model import PredictionModel
 from mirte_drake.robots.robot_ports import RobotPorts
 from mirte_drake.vectors import POSE, POSE_SIZE, WHEELS, YAW
 
@@ -82,7 +82,7 @@ def SindycRobot_(T):  # noqa: ANN001, ANN201
         """
 
         def _construct(
-            self, model: SparseModel, initial_state: np.ndarray, converter: object = None
+            self, model: PredictionModel, initial_state: np.ndarray, converter: object = None
         ) -> None:
             LeafSystem_[T].__init__(self, converter=converter)
             self._model, self._initial_state = model, np.array(initial_state, dtype=float)

@@ -10,7 +10,7 @@ from mirte_drake.angles import pose_error
 from mirte_drake.checks import check_array
 from mirte_drake.control.dlqr import DlqrDesign, design_dlqr
 from mirte_drake.control.plan import Plan, SolveStatus
-from mirte_drake.model.sparse_model import SparseModel
+from mirte_drake.model.prediction_model import PredictionModel
 from mirte_drake.vectors import YAW
 
 
@@ -62,7 +62,7 @@ class AncillaryDlqr(LeafSystem):
     """
 
     def __init__(
-        self, config: AncillaryDlqrConfig, model: SparseModel, *, period: float, stages: int = 1
+        self, config: AncillaryDlqrConfig, model: PredictionModel, *, period: float, stages: int = 1
     ) -> None:
         """Declares ports.
 
@@ -125,7 +125,7 @@ class AncillaryDlqr(LeafSystem):
 def AddAncillaryDlqr(
     builder: DiagramBuilder,
     config: AncillaryDlqrConfig,
-    model: SparseModel,
+    model: PredictionModel,
     *,
     period: float,
     stages: int = 1,
