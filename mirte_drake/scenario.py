@@ -29,6 +29,8 @@ from mirte_drake.systems.disturbance_source import (
     UniformDisturbance,
 )
 from mirte_drake.systems.nominal_nmpc import NominalNmpcConfig
+from mirte_drake.systems.pose_lqr import PoseLqrConfig
+from mirte_drake.systems.pose_pid import PosePidConfig
 from mirte_drake.systems.reference_source import ReferencePathConfig
 from mirte_drake.systems.state_estimator import StateEstimatorConfig
 from mirte_drake.systems.tube_updater import TubeUpdaterConfig
@@ -38,6 +40,7 @@ from mirte_drake.typed_yaml import parse_typed, top_level_text
 from mirte_drake.vectors import POSE_SIZE, WHEELS
 
 WiredRobotConfig = Ros2RobotConfig | LcmRobotConfig
+PoseControllerConfig = PosePidConfig | PoseLqrConfig
 
 SUFFIX = ".scenario.yaml"
 KINDS = (
@@ -46,6 +49,7 @@ KINDS = (
     *get_args(DisturbanceConfig),
     *get_args(RobotConfig),
     *get_args(WiredRobotConfig),
+    *get_args(PoseControllerConfig),
 )
 JITTER = 0.012  # [s] Of odometry: the middle of what the robot's recordings look like.
 
@@ -65,6 +69,9 @@ class Scenario:
     reference: ReferencePathConfig | VelocitySetpointConfig = dc.field(
         default_factory=RectanglePath
     )
+    # null: the NMPC of the fields that follow. Another one plans nothing, and has only the
+    # reference's horizon from them.
+    controller: PosePidConfig | PoseLqrConfig | None = None
     nominal_nmpc: NominalNmpcConfig = dc.field(default_factory=NominalNmpcConfig)
     ancillary_dlqr: AncillaryDlqrConfig | None = dc.field(default_factory=AncillaryDlqrConfig)
     # null: the baseline NMPC, which starts from the measured state with full input bounds.
@@ -101,6 +108,11 @@ class Scenario:
         elif isinstance(self.reference, VelocitySetpointConfig):
             raise ValueError("duration: must be given [s], a velocity setpoint has no end")
         check_parts(self)
+        if self.controller is not None:
+            for field in ("ancillary_dlqr", "tube_updater"):
+                if getattr(self, field) is not None:
+                    kind = type(self.controller).__name__
+                    raise ValueError(f"{field}: must be null with controller {kind}")
         if self.tube_updater is not None and self.ancillary_dlqr is None:
             raise ValueError("tube_updater: needs ancillary_dlqr; set it, or both to null")
         self._check_parts_of_the_model(isinstance(model, LaggedModel))

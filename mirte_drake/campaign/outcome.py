@@ -35,7 +35,7 @@ class Outcome:
     oscillation: float  # [1/s] Sign changes of a wheel command's increments, mean over wheels.
     # Numbers of samples; the first five are those of summary.json.
     solve_failures: int | None
-    input_violations: int
+    input_violations: int | None
     rate_violations: int | None
     # The measured pose is outside the tube around the nominal one. By construction 0, since the
     # solver places the nominal state so.
@@ -98,16 +98,16 @@ def outcome(run: Run) -> Outcome:
         lost=not (distance <= LOST_DISTANCE and yaw <= LOST_YAW),  # One that is NaN is, too.
         saturation=float(np.mean(np.any(np.abs(log["applied_input"]) >= limit - ROUNDING, axis=1))),
         oscillation=oscillation(log["applied_input"], float(log["time"][-1])),
-        solve_failures=summary["solve_failures"],
-        input_violations=summary["input_violations"],
-        rate_violations=summary["rate_violations"],
+        solve_failures=summary.get("solve_failures"),
+        input_violations=summary.get("input_violations"),
+        rate_violations=summary.get("rate_violations"),
         **_tube_violations(log, summary),
     )
 
 
 def _tube_violations(log: Mapping[str, np.ndarray], summary: Mapping[str, Any]) -> dict[str, Any]:
-    half_width = log["half_width"]
-    if not np.any(half_width > 0):
+    half_width = log.get("half_width")
+    if half_width is None or not np.any(half_width > 0):
         return {"tube_violations": None, "successor_violations": None, "true_violations": None}
     deviation = np.abs(pose_error(log["true_pose"], log["nominal_pose"]))
     return {

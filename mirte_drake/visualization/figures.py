@@ -22,11 +22,15 @@ FIGURE_FILES = tuple(f"{name}.{suffix}" for name in FIGURES for suffix in FORMAT
 
 
 def path_figure(log: Log) -> Figure:
-    """Draws reference, nominal and actual path, and the tube box of every sample."""
+    """Draws reference, nominal and actual path, and the tube box of every sample.
+
+    A controller that does not plan has neither a nominal path nor a tube.
+    """
     figure = Figure(figsize=(5.2, 4.4), layout="compressed")
     axes = figure.subplots()
-    center, half = log["nominal_pose"][:, :2], log["half_width"][:, :2]
-    if np.any(half > 0):
+    plans = "nominal_pose" in log
+    if plans and np.any(log["half_width"][:, :2] > 0):
+        center, half = log["nominal_pose"][:, :2], log["half_width"][:, :2]
         boxes = [
             Rectangle(tuple(c - h), 2 * h[0], 2 * h[1]) for c, h in zip(center, half, strict=True)
         ]
@@ -39,7 +43,8 @@ def path_figure(log: Log) -> Figure:
             Rectangle((np.nan, np.nan), 0, 0, fc="0.86", ec="0.45", lw=0.5, label="tube")
         )
     axes.plot(*log["reference"][:, :2].T, label="reference", zorder=3, **REFERENCE)
-    axes.plot(*center.T, label="nominal", zorder=4, **NOMINAL)
+    if plans:
+        axes.plot(*log["nominal_pose"][:, :2].T, label="nominal", zorder=4, **NOMINAL)
     axes.plot(*log["pose"][:, :2].T, label="actual", zorder=5, **ACTUAL)
     axes.plot(*log["pose"][0, :2], "o", color="black", ms=4, zorder=6, label="start")
     axes.set(xlabel="$x$ [m]", ylabel="$y$ [m]", aspect="equal")
@@ -69,17 +74,20 @@ def input_figure(log: Log, input_limit: float) -> Figure:
     """Draws applied and nominal wheel commands, the tightened bounds and the input set."""
     figure = Figure(figsize=(5.2, 6.0), layout="constrained")
     panels = figure.subplots(4, 1, sharex=True)
-    time = log["time"]
+    time, plans = log["time"], "nominal_input" in log
     for wheel, axes in enumerate(panels):
-        lower, upper = log["input_lower"][:, wheel], log["input_upper"][:, wheel]
-        axes.fill_between(time, lower, upper, step="post", color="0.93", lw=0)
-        for bound, label in ((lower, "tightened bounds"), (upper, None)):
-            axes.step(time, bound, where="post", color="0.45", lw=0.8, label=label)
+        if plans:
+            lower, upper = log["input_lower"][:, wheel], log["input_upper"][:, wheel]
+            axes.fill_between(time, lower, upper, step="post", color="0.93", lw=0)
+            for bound, label in ((lower, "tightened bounds"), (upper, None)):
+                axes.step(time, bound, where="post", color="0.45", lw=0.8, label=label)
         for limit, label in ((-input_limit, "input set"), (input_limit, None)):
             axes.axhline(limit, color="black", lw=0.8, ls=":", label=label)
-        nominal, applied = log["nominal_input"][:, wheel], log["applied_input"][:, wheel]
+        applied = log["applied_input"][:, wheel]
         axes.step(time, applied, where="post", label="applied", **ACTUAL)
-        axes.step(time, nominal, where="post", label="nominal", **NOMINAL)
+        if plans:
+            nominal = log["nominal_input"][:, wheel]
+            axes.step(time, nominal, where="post", label="nominal", **NOMINAL)
         axes.set_ylim(-1.12 * input_limit, 1.12 * input_limit)
         axes.set_ylabel(f"$u_{wheel + 1}$ [%]")
         axes.set_title(WHEELS[wheel].replace("_", " "), loc="right", fontsize=9)

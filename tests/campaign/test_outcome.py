@@ -93,6 +93,12 @@ def test_without_a_tube_nothing_is_inside():
         assert np.isnan(getattr(shown, key))
 
 
+def test_a_controller_that_does_not_plan_can_violate_no_plan():
+    shown = outcome(short_run(name="lqr_rectangle"))
+    assert shown.solve_failures is shown.input_violations is shown.rate_violations is None
+    assert shown.true_violations is None and shown.true_x_m > 0.0
+
+
 @pytest.mark.parametrize(
     ("error", "lost"),
     [

@@ -15,7 +15,7 @@ from mirte_drake.visualization.figures import (
 def logs():
     return {
         name: simulate(load_scenario(name, ["duration=2"]), name).log
-        for name in ("rectangle", "baseline_rectangle")
+        for name in ("rectangle", "baseline_rectangle", "pid_rectangle")
     }
 
 
@@ -76,3 +76,15 @@ def test_the_same_log_gives_the_same_files(logs, tmp_path):
     assert len(files) == 9
     for name in files:
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
+
+
+def test_a_controller_that_does_not_plan_has_neither_nominal_path_nor_bounds(logs, tmp_path):
+    log = logs["pid_rectangle"]
+    (axes,) = path_figure(log).axes
+    assert not axes.collections
+    labels = {item.get_label() for item in axes.get_lines()}
+    assert {"reference", "actual"} <= labels and "nominal" not in labels
+    for axes in input_figure(log, 100.0).axes:
+        assert not axes.collections
+        np.testing.assert_array_equal(line(axes, "applied").get_xdata(), log["time"])
+    assert len(save_figures(log, tmp_path, input_limit=100.0)) == 9
