@@ -114,6 +114,7 @@ def test_every_command_runs(tmp_path, monkeypatch, capsys):
         "simulate": "--set duration=0.3 --no-plots",
         "collect": "--duration 20",
         "benchmark": "--quick --solver realtime --solver converged",
+        "campaign": "--runs 1 --set duration=0.3 --backend serial --output campaign",
         "compare": "--runs 1 --scenario baseline_circle --set duration=0.3",
     }
     assert len(COMMANDS) == 23

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from mirte_drake.campaign.grid import Trial
 from mirte_drake.campaign.outcome import Failure, Outcome, run_outcome
-from mirte_drake.campaign.store import load_result, run_key, save_result
+from mirte_drake.campaign.store import load_result, save_result, scenario_key
 from mirte_drake.campaign.workers import call_all
 
 
@@ -36,7 +36,7 @@ def run_trials(
         UserError: when the backend cannot be used or the store cannot be written.
     """
     results: dict[int, Outcome | Failure] = {}
-    keys = [run_key(trial.scenario) for trial in todo] if store else []
+    keys = _keys(todo) if store is not None else []
     if store is not None:
         for leftover in store.glob(".partial-*"):  # Of a process that was killed.
             shutil.rmtree(leftover, ignore_errors=True)
@@ -57,3 +57,10 @@ def run_trials(
         results[index] = result
         on_run()
     return [results[index] for index in range(len(todo))]
+
+
+def _keys(todo: Sequence[Trial]) -> list[str]:
+    """Returns the name of every trial's result."""
+    cells = {id(trial.cell): trial.cell for trial in todo}
+    digests = {number: scenario_key(cell.scenario) for number, cell in cells.items()}
+    return [f"{digests[id(trial.cell)]}-{trial.seed}" for trial in todo]

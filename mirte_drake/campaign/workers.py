@@ -46,6 +46,8 @@ def call_all(
     Raises:
         UserError: when the backend's package is missing, or there is nothing at the address.
     """
+    if not arguments:
+        return
     with BACKENDS[backend](jobs, address) as submit:
         waiting: dict[Future, int] = {}
         for index, argument in enumerate(arguments):

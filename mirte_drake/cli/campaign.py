@@ -71,7 +71,7 @@ def campaign(
     often a command's increments change their sign (turns), the share of samples in which a wheel
     is at its limit; then, over the samples of all runs, the share in which the true pose was in
     the tube and in which the measured one was in the tube around its prediction (next). Lost is a
-    run that was ever more than 0.5 m or a quarter turn from its reference; a failed one could not
+    run that was ever more than 1 m or a quarter turn from its reference; a failed one could not
     be run, and its row says why.
 
     Writes runs.csv and, with pyarrow, runs.parquet, a row each run; summary.json; and the folder

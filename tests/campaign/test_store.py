@@ -5,7 +5,7 @@ import pytest
 
 from mirte_drake.campaign import store
 from mirte_drake.campaign.outcome import Failure, run_outcome
-from mirte_drake.campaign.store import load_result, run_key, save_result
+from mirte_drake.campaign.store import load_result, save_result, scenario_key
 from mirte_drake.errors import UserError
 from mirte_drake.model.model_file import load_model_file, save_model_file
 from mirte_drake.scenario import load_scenario
@@ -36,27 +36,27 @@ def test_folder_that_cannot_be_written_is_one_clear_line():
 
 
 def test_key_is_that_of_all_that_counts():
-    key = run_key(SCENARIO)
-    assert run_key(load_scenario("rectangle", ["duration=0.5"])) == key
-    assert run_key(dc.replace(SCENARIO, description="in other words")) == key
-    assert run_key(dc.replace(SCENARIO, seed=1)) != key
-    assert run_key(dc.replace(SCENARIO, input_limit=50.0)) != key
-    assert run_key(dc.replace(SCENARIO, tube_updater=None)) != key
+    key = scenario_key(SCENARIO)
+    assert scenario_key(load_scenario("rectangle", ["duration=0.5"])) == key
+    assert scenario_key(dc.replace(SCENARIO, description="in other words")) == key
+    assert scenario_key(dc.replace(SCENARIO, seed=1)) == key  # Which the file's name has.
+    assert scenario_key(dc.replace(SCENARIO, input_limit=50.0)) != key
+    assert scenario_key(dc.replace(SCENARIO, tube_updater=None)) != key
 
 
 def test_key_changes_with_a_file_that_the_scenario_names(tmp_path):
     file = tmp_path / "mine.yaml"
     save_model_file(load_model_file("extended_kinematic"), file)
     scenario = load_scenario("rectangle", [f"prediction_model={file}"])
-    key = run_key(scenario)
-    assert run_key(scenario) == key
+    key = scenario_key(scenario)
+    assert scenario_key(scenario) == key
     file.write_text(file.read_text() + "# Another one.\n")
-    assert run_key(scenario) != key
+    assert scenario_key(scenario) != key
 
 
 def test_key_changes_with_versions(monkeypatch):
-    key = run_key(SCENARIO)
+    key = scenario_key(SCENARIO)
     store._program.cache_clear()
     monkeypatch.setattr(store, "versions", lambda: {"drake": "0.1"})
-    assert run_key(SCENARIO) != key
+    assert scenario_key(SCENARIO) != key
     store._program.cache_clear()

@@ -6,7 +6,7 @@ import pytest
 from mirte_drake.campaign import study
 from mirte_drake.campaign.grid import Trial, Variation, cells, trials
 from mirte_drake.campaign.outcome import Failure, Outcome
-from mirte_drake.campaign.store import load_result, run_key
+from mirte_drake.campaign.store import load_result, scenario_key
 from mirte_drake.robots.sindyc_robot import SindycRobotConfig
 
 ROBOTS = Variation("robot", ("!SindycRobotConfig {}", "!MultibodyRobotConfig {motors: fitted}"))
@@ -71,7 +71,7 @@ def test_a_failed_run_is_a_result_and_stays_one(tmp_path):
     one, failure, other = run_here([todo()[0], failing(), todo()[1]], store=tmp_path)
     assert isinstance(one, Outcome) and isinstance(other, Outcome)
     assert isinstance(failure, Failure) and "rocket" in failure.error
-    assert load_result(tmp_path, run_key(failing().scenario)) == failure
+    assert load_result(tmp_path, f"{scenario_key(failing().scenario)}-0") == failure
 
 
 def test_a_run_whose_process_died_is_tried_again_next_time(tmp_path, monkeypatch):
