@@ -32,7 +32,7 @@ def test_every_argument_is_called_once(backend):
 
 def test_serial_calls_in_this_process_and_loky_in_as_many_as_asked_for():
     serial, loky = (
-        {process for _, process in results(np.arange(8.0), backend=backend, jobs=2)}
+        {process for _, process in results(list(np.arange(8.0)), backend=backend, jobs=2)}
         for backend in ("serial", "loky")
     )
     assert serial == {os.getpid()}
@@ -55,12 +55,12 @@ def test_a_process_that_dies_takes_no_other_call_along():
 
 def test_processes_are_replaced_after_a_number_of_calls(monkeypatch):
     monkeypatch.setattr(workers, "BATCH", 2)
-    processes = [process for _, process in results(np.arange(5.0), jobs=1)]
+    processes = [process for _, process in results(list(np.arange(5.0)), jobs=1)]
     assert processes[0] == processes[1] != processes[2] == processes[3] != processes[4]
 
 
 def test_no_process_stays_behind():
-    processes = {process for _, process in results(np.arange(4.0), jobs=2)}
+    processes = {process for _, process in results(list(np.arange(4.0)), jobs=2)}
     for process in processes:
         with pytest.raises(ProcessLookupError):
             os.kill(process, 0)
