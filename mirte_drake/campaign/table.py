@@ -106,11 +106,12 @@ def _json(interval: Interval) -> dict[str, float | None] | None:
 def summary_text(variations: Sequence[Variation], summaries: Sequence[CellSummary]) -> str:
     """Returns the summary as a table for a person to read; RMSE of the true pose in mm and mrad."""
     head = ["scenario", *(variation.field.split(".")[-1] for variation in variations)]
-    columns = [
-        [*head, "runs", "failed", "lost"],
-        ["x [mm]", "y [mm]", "yaw [mrad]", "turns [1/s]", "limit [%]", "true [%]", "next [%]"],
+    lines = [
+        [
+            *(*head, "runs", "failed", "lost", "x [mm]", "y [mm]", "yaw [mrad]"),
+            *("turns [1/s]", "limit [%]", "true [%]", "next [%]"),
+        ]
     ]
-    lines = [[*columns[0], *columns[1]]]
     for summary in summaries:
         outcomes = summary.runs - summary.failed
         lost = "-" if outcomes == 0 else str(round(summary.lost.value * outcomes))
@@ -127,10 +128,9 @@ def summary_text(variations: Sequence[Variation], summaries: Sequence[CellSummar
             ]
         )
     widths = [max(len(line[i]) for line in lines) for i in range(len(lines[0]))]
-    labels = 1 + len(variations)
     return "\n".join(
         "  ".join(
-            cell.ljust(width) if i < labels else cell.rjust(width)
+            cell.ljust(width) if i < len(head) else cell.rjust(width)
             for i, (cell, width) in enumerate(zip(line, widths, strict=True))
         )
         for line in lines

@@ -4,7 +4,7 @@ import logging
 import os
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from typing import Any
 
@@ -62,7 +62,10 @@ def _completed(waiting: dict[Future, int]) -> Iterator[tuple[int, Any]]:
     """Waits for at least one call, takes those that are done out and yields them."""
     done, _ = wait(waiting, return_when=FIRST_COMPLETED)
     for future in done:
-        error = future.exception()
+        try:
+            error = future.exception()
+        except CancelledError as cancelled:  # As by a cluster that was shut down.
+            error = cancelled
         if isinstance(error, KeyboardInterrupt):
             raise error
         yield waiting.pop(future), error or future.result()

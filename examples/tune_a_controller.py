@@ -1,0 +1,61 @@
+"""Tunes PID or LQR on the dynamic robot, a simulated one that lags and sticks.
+
+    python tune_a_controller.py pid 140
+    python tune_a_controller.py lqr 60
+
+gave the defaults of PosePidConfig and PoseLqrConfig: the Nelder-Mead method over the logarithms of
+the gains, seed 1000. The controllers are compared on another robot, with other seeds.
+"""
+
+import dataclasses as dc
+import sys
+
+import numpy as np
+from scipy.optimize import minimize
+
+from mirte_drake.campaign.outcome import Outcome, run_outcome
+from mirte_drake.scenario import load_scenario
+from mirte_drake.systems.pose_lqr import PoseLqrConfig
+from mirte_drake.systems.pose_pid import PosePidConfig
+
+DURATIONS = {"rectangle": 14.0, "circle": 15.0, "robot_rectangle": 12.0, "robot_circle": 16.0}  # [s]
+REACH = 0.225  # [m] of a wheel from the middle: what an error of 1 rad in yaw counts for.
+CALM = 0.001  # [m] That a change of a command's direction per second counts for.
+# A first try; the time constants of x and y are equal.
+PID = [2, 2, 2, 4, 4, 0.02, 0.02, 1.1, 1.7, 1.4]
+LQR = [100, 100, 100]
+
+
+def pid(p: np.ndarray) -> PosePidConfig:
+    gain, integral_time, derivative_time = p[:3], p[[3, 3, 4]], p[[5, 5, 6]]
+    return PosePidConfig(gain, gain / integral_time, gain * derivative_time, p[7:])
+
+
+def lqr(p: np.ndarray) -> PoseLqrConfig:
+    return PoseLqrConfig(state_weight=p, input_weight=np.full(4, 0.001))
+
+
+def cost(controller: PosePidConfig | PoseLqrConfig) -> float:
+    """Error of the true pose [m], and what restlessness counts for; mean over the paths."""
+    costs = []
+    for path, duration in DURATIONS.items():
+        settings = ["robot=!DynamicRobotConfig {}", f"duration={duration}", "seed=1000"]
+        scenario = load_scenario(f"baseline_{path}", settings)
+        shown = run_outcome(dc.replace(scenario, controller=controller))
+        assert isinstance(shown, Outcome)
+        errors = [shown.true_x_m, shown.true_y_m, REACH * shown.true_yaw_rad]
+        costs.append(np.linalg.norm(errors) + CALM * shown.oscillation)
+    return float(np.mean(costs))
+
+
+def main(kind: str, evaluations: int) -> None:
+    make, first = {"pid": (pid, PID), "lqr": (lqr, LQR)}[kind]
+    start = np.log(first)
+    simplex = np.vstack([start, start + 0.4 * np.eye(len(start))])
+    options = {"maxfev": evaluations, "initial_simplex": simplex, "adaptive": True}
+    found = minimize(lambda p: cost(make(np.exp(p))), start, method="Nelder-Mead", options=options)
+    print(f"cost {1e3 * found.fun:.1f} mm by", make(np.exp(found.x)))
+
+
+if __name__ == "__main__":
+    main(*(sys.argv[1:2] or ["lqr"]), *(int(number) for number in sys.argv[2:3] or [2]))
