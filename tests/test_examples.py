@@ -25,10 +25,11 @@ EXPECTED = {
         r"rectangle, identified model: true_rmse x 0\.00\d\d m, y 0\.00\d\d m, .*\n"
         r"rectangle, identified model: outside the tube in 0 of 250 samples\n"
     ),
+    "tune_a_controller": r"cost \d+\.\d mm by PoseLqrConfig\(state_weight=array\(\[",
     "export_the_picture": r"rectangle\.svg\n(.*\n)+.*controller\.dot",
 }
 
-SLOW = ("from_data_to_drive",)  # Half a minute.
+SLOW = ("from_data_to_drive", "tune_a_controller")  # Half a minute.
 
 
 @pytest.mark.parametrize(
