@@ -2,7 +2,8 @@
 
 The published law feeds back the pose as if the robot followed at once. Ours observes the velocity,
 and predicts over the delay that it knows of. A spectral radius is the factor by which an error
-shrinks per sample in the long run, with a delay of 0, 1 and 2 samples beside that; above 1 it grows.
+shrinks per sample in the long run, with a delay of 0, 1 and 2 samples beside that; above 1 it
+grows.
 
 Prints:
 

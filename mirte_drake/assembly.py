@@ -29,6 +29,8 @@ from mirte_drake.systems.disturbance_source import AddDisturbanceSource, Disturb
 from mirte_drake.systems.inversion_tube_updater import AddInversionTubeUpdater
 from mirte_drake.systems.lagged_tube_updater import AddLaggedTubeUpdater
 from mirte_drake.systems.nominal_nmpc import AddNominalNmpc
+from mirte_drake.systems.pose_lqr import AddPoseLqr, PoseLqr
+from mirte_drake.systems.pose_pid import AddPosePid, PosePid, PosePidConfig
 from mirte_drake.systems.reference_source import AddReferenceSource, ReferenceSource
 from mirte_drake.systems.state_estimator import AddStateEstimator
 from mirte_drake.systems.tube_updater import AddTubeUpdater
@@ -38,6 +40,7 @@ from mirte_drake.systems.velocity_setpoint import (
     VelocitySetpointSource,
 )
 from mirte_drake.systems.wheel_command_limiter import AddWheelCommandLimiter
+from mirte_drake.vectors import WHEELS
 
 # Outputs of controllers that have them: of the coverage monitor, and of those with an estimator.
 COVERAGE = ("prediction_error", "calibrated_bound", "coverage", "coverage_warning")
@@ -110,10 +113,11 @@ def AddReference(
 
 
 def MakeController(scenario: Scenario) -> Diagram:
-    """Builds the controller of a scenario: ``MakeTubeController`` or ``MakeLaggedController``.
+    """Builds the controller of a scenario.
 
-    Both take ``pose`` and ``reference_window`` and give ``wheel_command``, ``plan`` and
-    ``solve_status``.
+    That is one of ``MakeTubeController``, ``MakeLaggedController`` and ``MakePoseController``. All
+    take ``pose`` and ``reference_window`` and give ``wheel_command``; those that plan give
+    ``plan`` and ``solve_status``.
 
     Raises:
         UserError: when the prediction model cannot be read, does not fit the controller, or cannot
@@ -122,6 +126,8 @@ def MakeController(scenario: Scenario) -> Diagram:
     """
     scenario.validate()
     model = load_prediction_model(scenario)
+    if scenario.controller is not None:
+        return MakePoseController(scenario, model)
     if isinstance(model, LaggedModel):
         return MakeLaggedController(scenario, model)
     return MakeTubeController(scenario, model)
@@ -339,6 +345,53 @@ def MakeTubeController(scenario: Scenario, model: PredictionModel) -> Diagram:
     return controller
 
 
+def MakePoseController(scenario: Scenario, model: PredictionModel) -> Diagram:
+    """Builds a controller that does not plan: feedback from the pose, limiter and hold.
+
+    .. pydrake_system::
+
+        name: Controller
+        input_ports:
+        - pose
+        - reference_window
+        output_ports:
+        - wheel_command
+
+    Ports as of ``MakeTubeController``.
+
+    Args:
+        scenario: The scenario; its ``controller`` is given.
+        model: Its prediction model, which a PID does without.
+
+    Raises:
+        UserError: when a value does not fit the rest of the scenario.
+    """
+    config, period, limit = scenario.controller, scenario.period, scenario.input_limit
+    horizon = scenario.nominal_nmpc.horizon
+    builder = DiagramBuilder()
+    with _naming("controller"):
+        feedback: PosePid | PoseLqr
+        if isinstance(config, PosePidConfig):
+            feedback = AddPosePid(
+                builder, config, period=period, horizon=horizon, input_limit=limit
+            )
+        else:
+            assert config is not None
+            feedback = AddPoseLqr(
+                builder, config, model, period=period, horizon=horizon, input_limit=limit
+            )
+    limiter = AddWheelCommandLimiter(builder, scenario.wheel_command_limiter, input_limit=limit)
+    hold = builder.AddNamedSystem("command_hold", ZeroOrderHold(period, len(WHEELS)))
+    builder.ExportInput(feedback.GetInputPort("pose"), "pose")
+    builder.ExportInput(feedback.GetInputPort("reference_window"), "reference_window")
+    builder.Connect(feedback.GetOutputPort("wheel_command"), limiter.GetInputPort("wheel_command"))
+    builder.Connect(limiter.GetOutputPort("limited_command"), hold.get_input_port())
+    builder.ExportOutput(hold.get_output_port(), "wheel_command")
+    controller = builder.Build()
+    controller.set_name("controller")
+    return controller
+
+
 @contextmanager
 def _naming(field: str) -> Iterator[None]:
     """Names the scenario's field in errors that only show when its system is made."""
@@ -400,17 +453,14 @@ def MakeDiagram(
     ``odometry_age``, ``drive_command`` and ``plan_view``, see WireRobot; it sends when the Diagram
     is told to publish. ``mirte_drake.drive`` drives it.
 
+    With a VelocitySetpointConfig as reference there is an input ``velocity_setpoint`` (3,), which
+    may stay open. The controller's outputs, see ``MakeController``, are exported too; one that
+    does not plan has no ``plan``.
+
     Args:
         scenario: The scenario.
         link: The controller's end of the wire, for a robot beyond one; None opens it.
         session: Number of this controller for the guard.
-
-    With a VelocitySetpointConfig as reference there is an input ``velocity_setpoint`` (3,), which
-    may stay open. The controller's further outputs, see ``MakeController``, are exported too
-    where it has them.
-
-    Args:
-        scenario: The scenario.
         view: Shows the Diagram while it runs, and lets others disturb it; None: there is nothing
             of that in the Diagram.
 
@@ -443,8 +493,9 @@ def MakeDiagram(
         builder.ExportOutput(robot.true_pose, "true_pose")
     if robot.wire is not None:
         builder.Connect(reference.GetOutputPort("reference"), robot.wire.reference)
-        builder.Connect(controller.GetOutputPort("solve_status"), robot.wire.solve_status)
-        builder.Connect(controller.GetOutputPort("plan"), robot.wire.plan)
+        if controller.HasOutputPort("plan"):
+            builder.Connect(controller.GetOutputPort("solve_status"), robot.wire.solve_status)
+            builder.Connect(controller.GetOutputPort("plan"), robot.wire.plan)
         export_wire(builder, robot.wire)
     for index in range(controller.num_output_ports()):
         port = controller.get_output_port(index)

@@ -1,4 +1,4 @@
-"""Scenarios on every robot, over many seeds: how well, how safely and how calmly they drive.
+"""Scenarios on every robot, over many seeds: a campaign with a table of its own.
 
 The seed is that of the scenario: it draws the disturbance, where the robot has an input for one
 (sindyc, dynamic), and the jitter of the odometry, where it has one (dynamic, multibody).
@@ -6,208 +6,96 @@ The seed is that of the scenario: it draws the disturbance, where the robot has 
 
 import csv
 import dataclasses as dc
-import multiprocessing
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mirte_drake.angles import pose_error
+from mirte_drake.campaign import grid, study
+from mirte_drake.campaign.grid import Trial
+from mirte_drake.campaign.outcome import Failure, Outcome
+from mirte_drake.campaign.statistics import summarise_cells
 from mirte_drake.files import replacing
 from mirte_drake.robots.names import robot_override
-from mirte_drake.run import (
-    ROUNDING,
-    Run,
-    planned_pose,
-    simulate,
-    successor_outside,
-    summarise,
-    versions,
-)
-from mirte_drake.scenario import load_scenario, scenario_stem
+from mirte_drake.run import versions
 
 SCENARIOS = tuple(
     f"{prefix}{path}"
     for path in ("rectangle", "circle", "turning_circle", "robot_rectangle", "robot_circle")
     for prefix in ("", "baseline_", "lagged_")
 )
-# Runs that a process serves. Python systems hold their Diagram by their callbacks, so that it is
-# never freed: 1 to 3 MB stay with the process after each run.
-BATCH = 50
+# What is compared, of an Outcome: RMSE, and the shares of samples that follow.
+MEDIANS = (
+    *("x_m", "y_m", "yaw_rad", "true_x_m", "true_y_m", "true_yaw_rad"),
+    *("measured_inside", "true_inside", "successor_inside", "saturation", "oscillation"),
+)
+FIELDS = (*MEDIANS, "solve_failures")
 
 
-@dc.dataclass(frozen=True)
-class Trial:
-    """One run of a comparison."""
+def trials(
+    scenarios: Sequence[str], robots: Sequence[str], runs: int, overrides: Sequence[str] = ()
+) -> list[Trial]:
+    """Returns every scenario on every robot with the seeds 0 to ``runs`` - 1.
 
-    scenario: str  # Name, or path of a YAML file.
-    robot: str
-    seed: int
-
-
-@dc.dataclass(frozen=True)
-class Outcome:
-    """What one run shows. Shares are of samples; those of the tube are NaN where there is none."""
-
-    x_m: float  # [m] RMSE of the measured pose against the reference.
-    y_m: float  # [m]
-    yaw_rad: float  # [rad]
-    true_x_m: float  # [m] RMSE of where the robot really is.
-    true_y_m: float  # [m]
-    true_yaw_rad: float  # [rad]
-    # The measured pose is within the tube around the nominal one. By construction 1, since the
-    # solver places the nominal state so.
-    measured_inside: float
-    true_inside: float  # The true pose is.
-    # The measured pose is within the tube around what was predicted for it a sample before.
-    successor_inside: float
-    saturation: float  # A wheel is at the limit.
-    oscillation: float  # [1/s] Sign changes of a wheel command's increments, mean over wheels.
-    solve_failures: int  # Number of samples.
-
-
-FIELDS = tuple(field.name for field in dc.fields(Outcome))
-
-
-def trials(scenarios: Sequence[str], robots: Sequence[str], runs: int) -> list[Trial]:
-    """Returns every scenario on every robot with the seeds 0 to ``runs`` - 1."""
-    return [Trial(s, r, seed) for s in scenarios for r in robots for seed in range(runs)]
+    Raises:
+        UserError: when a scenario does not load.
+    """
+    cells = [
+        dc.replace(cell, values=(robot,))
+        for scenario in scenarios
+        for robot in robots
+        for cell in grid.cells([scenario], (), (robot_override(robot), *overrides))
+    ]
+    return grid.trials(cells, range(runs))
 
 
 def run_trials(
-    todo: Sequence[Trial],
-    overrides: Sequence[str] = (),
-    *,
-    jobs: int = 1,
-    on_run: Callable[[], object] = lambda: None,
+    todo: Sequence[Trial], *, jobs: int = 1, on_run: Callable[[], object] = lambda: None
 ) -> list[Outcome]:
     """Runs trials, in as many processes as asked for, and returns what each shows.
 
     Args:
         todo: What to run.
-        overrides: Changes of all scenarios, each as ``path.to.field=value``.
         jobs: Number of processes; 1 runs them in this one.
         on_run: Called after each run, for a progress bar.
 
     Raises:
-        UserError: when a scenario does not load, before anything runs.
+        RuntimeError: when one could not be run.
     """
-    for scenario, robot in dict.fromkeys((trial.scenario, trial.robot) for trial in todo):
-        load_scenario(scenario, (robot_override(robot), *overrides))
-    run = partial(run_trial, overrides=tuple(overrides))
+    backend = "serial" if jobs == 1 else "loky"
     outcomes = []
-    if jobs == 1:
-        for trial in todo:
-            outcomes.append(run(trial))
-            on_run()
-        return outcomes
-    for batch in (todo[i : i + jobs * BATCH] for i in range(0, len(todo), jobs * BATCH)):
-        # Spawned, not forked: Drake and BLAS have threads.
-        with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
-            for result in pool.map(run, batch):
-                outcomes.append(result)
-                on_run()
+    for trial, result in zip(
+        todo, study.run_trials(todo, backend=backend, jobs=jobs, on_run=on_run), strict=True
+    ):
+        if isinstance(result, Failure):
+            raise RuntimeError(f"{trial.cell.name}, seed {trial.seed}: {result.error}")
+        outcomes.append(result)
     return outcomes
 
 
-def run_trial(trial: Trial, overrides: tuple[str, ...] = ()) -> Outcome:
-    """Runs one trial.
-
-    Raises:
-        UserError: when the scenario does not load.
-    """
-    settings = (robot_override(trial.robot), *overrides, f"seed={trial.seed}")
-    scenario = load_scenario(trial.scenario, settings)
-    return outcome(simulate(scenario, scenario_stem(trial.scenario)))
-
-
-def outcome(run: Run) -> Outcome:
-    """Returns what a run shows."""
-    log = run.log
-    summary: dict[str, Any] = summarise(run)
-    inside = dict.fromkeys(("measured_inside", "true_inside", "successor_inside"), np.nan)
-    if run.scenario.has_tube:
-        half_width, pose, nominal = log["half_width"], planned_pose(log), log["nominal_pose"]
-        late = run.scenario.delay  # Samples from a plan to when it acts.
-        known = len(pose) - late
-        inside = {
-            "measured_inside": _share_inside(pose, nominal, half_width),
-            "true_inside": _share_inside(
-                log["true_pose"][late:], nominal[:known], half_width[:known]
-            ),
-            "successor_inside": float(1.0 - np.mean(successor_outside(log))),
-        }
-    return Outcome(
-        **summary["rmse"],
-        **{f"true_{key}": value for key, value in summary["true_rmse"].items()},
-        **inside,
-        saturation=saturation(log["applied_input"], run.scenario.input_limit),
-        oscillation=oscillation(log["applied_input"], log["time"][-1]),
-        solve_failures=summary["solve_failures"],
-    )
-
-
-def saturation(commands: np.ndarray, limit: float) -> float:
-    """Returns the share of the samples at which a wheel is at the limit.
-
-    Args:
-        commands: (N, 4) [pwm].
-        limit: [pwm]
-    """
-    return float(np.mean(np.any(np.abs(commands) >= limit - ROUNDING, axis=1)))
-
-
-def oscillation(commands: np.ndarray, duration: float) -> float:
-    """Returns how often increments of a wheel command change their sign [1/s], mean over wheels.
-
-    An increment of zero has no sign: one before and one after it are compared. A command that
-    changes its direction at every sample of 0.1 s has 10.
-
-    Args:
-        commands: (N, 4) [pwm].
-        duration: [s] from the first to the last.
-    """
-    changes = 0
-    for increments in np.diff(commands, axis=0).T:
-        rising = increments[np.abs(increments) > ROUNDING] > 0
-        changes += int(np.sum(rising[1:] != rising[:-1]))
-    return changes / commands.shape[1] / duration
-
-
-def _share_inside(pose: np.ndarray, center: np.ndarray, half_width: np.ndarray) -> float:
-    deviation = np.abs(pose_error(pose, center))
-    return float(np.mean(np.all(deviation <= half_width + ROUNDING, axis=1)))
-
-
-def comparison(todo: Sequence[Trial], outcomes: Sequence[Outcome]) -> dict[str, object]:
+def comparison(todo: Sequence[Trial], outcomes: Sequence[Outcome]) -> dict[str, Any]:
     """Returns the medians over the seeds of every scenario on every robot, for a JSON file.
 
     Solve failures are summed: a median would hide those of a few runs.
     """
-    cells: dict[tuple[str, str], list[Outcome]] = {}
-    for trial, result in zip(todo, outcomes, strict=True):
-        cells.setdefault((trial.scenario, trial.robot), []).append(result)
     return {
         "medians": [
             {
-                "scenario": scenario_stem(scenario),
-                "robot": robot,
-                "runs": len(results),
-                **{key: _median([getattr(result, key) for result in results]) for key in FIELDS},
-                "solve_failures": sum(result.solve_failures for result in results),
+                "scenario": summary.cell.name,
+                "robot": summary.cell.values[0],
+                "runs": summary.runs,
+                **{key: _number(summary.medians[key].value) for key in MEDIANS},
+                "solve_failures": summary.counts["solve_failures"],
             }
-            for (scenario, robot), results in cells.items()
+            for summary in summarise_cells(todo, outcomes)
         ],
         "versions": versions(),
     }
 
 
-def _median(values: list[float]) -> float | None:
-    median = float(np.median(values))
-    return None if np.isnan(median) else median
+def _number(value: float) -> float | None:
+    return None if np.isnan(value) else value
 
 
 def comparison_text(summary: dict) -> str:
@@ -221,8 +109,8 @@ def comparison_text(summary: dict) -> str:
         f"{'%':>8}{'%':>8}{'%':>8}{'1/s':>7}",
     ]
     for row in summary["medians"]:
-        measured = "".join(f"{1e3 * row[key]:6.0f}" for key in FIELDS[:3])
-        true = "".join(f"{1e3 * row[key]:6.0f}" for key in FIELDS[3:6])
+        measured = "".join(f"{1e3 * row[key]:6.0f}" for key in MEDIANS[:3])
+        true = "".join(f"{1e3 * row[key]:6.0f}" for key in MEDIANS[3:6])
         shares = "".join(
             f"{'-':>8}" if row[key] is None else f"{100 * row[key]:8.1f}"
             for key in ("true_inside", "successor_inside", "saturation")
@@ -244,4 +132,5 @@ def save_runs(todo: Sequence[Trial], outcomes: Sequence[Outcome], path: Path) ->
         writer = csv.writer(file)
         writer.writerow(["scenario", "robot", "seed", *FIELDS])
         for trial, result in zip(todo, outcomes, strict=True):
-            writer.writerow([*dc.astuple(trial), *dc.astuple(result)])
+            values = [getattr(result, key) for key in FIELDS]
+            writer.writerow([trial.cell.name, *trial.cell.values, trial.seed, *values])

@@ -8,7 +8,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from mirte_drake.assembly import MakeDiagram
-from mirte_drake.comparison import oscillation, saturation
+from mirte_drake.campaign.outcome import oscillation, saturation
 from mirte_drake.errors import UserError
 from mirte_drake.files import read_text
 from mirte_drake.robots.names import robot_name
@@ -44,7 +44,7 @@ def load_run(folder: Path) -> ReportedRun:
         name=summary["scenario"],
         description=scenario.description,
         robot=robot_name(scenario.robot),
-        tube=scenario.tube_updater is not None,
+        tube=scenario.has_tube,
         period=scenario.period,
         input_limit=scenario.input_limit,
         scenario=read_text(scenario_file),

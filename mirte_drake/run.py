@@ -37,7 +37,7 @@ class Run:
     name: str
     scenario: Scenario
     log: dict[str, np.ndarray]
-    rate_limit: np.ndarray  # (4,) [pwm_per_sample]
+    rate_limit: np.ndarray | None  # (4,) [pwm_per_sample] of the plan; None without one.
     wall_time: float  # [s]
     ended: str = ""  # Why it ended before its time; empty: it did not.
 
@@ -85,10 +85,13 @@ def run_diagram(
     except WireStopped as stop:
         ended = str(stop)
     log = {key: np.array([row[key] for row in rows]) for key in rows[0]} if rows else {}
-    nmpc = diagram.GetSubsystemByName("controller").GetSubsystemByName("nominal_nmpc")
-    assert isinstance(nmpc, NominalNmpc)
+    rate_limit = None
+    if diagram.HasOutputPort("plan"):
+        nmpc = diagram.GetSubsystemByName("controller").GetSubsystemByName("nominal_nmpc")
+        assert isinstance(nmpc, NominalNmpc)
+        rate_limit = nmpc.problem.rate_limit
     wall_time = time.perf_counter() - start
-    return Run(name, scenario, log, nmpc.problem.rate_limit, wall_time, ended)
+    return Run(name, scenario, log, rate_limit, wall_time, ended)
 
 
 def samples(
@@ -97,8 +100,9 @@ def samples(
     """Runs the Diagram of a scenario and yields at every sample its Context and more to log.
 
     In the Context the updates of that instant are done, so that plan and command are those that
-    follow from the measured pose. The true pose, where the robot gives one, is from before them:
-    they take a robot with discrete states on to its next step.
+    follow from the measured pose. The true pose, where the robot gives one, and the reference are
+    from before them: they take a robot with discrete states and a reference with a state on to
+    the next step.
     """
     pace = pace or Pace()
     simulator = Simulator(diagram)
@@ -108,8 +112,9 @@ def samples(
         pace.before(context)
         if k == 0:
             simulator.Initialize()  # Takes in what came over a wire before.
-        simulator.AdvanceTo(k * scenario.period)
-        more = {}
+        else:
+            simulator.AdvanceTo(k * scenario.period)
+        more = {"reference": diagram.GetOutputPort("reference").Eval(context)}
         if diagram.HasOutputPort("true_pose"):
             more["true_pose"] = diagram.GetOutputPort("true_pose").Eval(context)
         simulator.AdvancePendingEvents()
@@ -120,6 +125,15 @@ def _sample(diagram: Diagram, context: Context) -> dict[str, object]:
     def evaluate(port: str) -> object:
         return diagram.GetOutputPort(port).Eval(context)
 
+    disturbed = diagram.HasOutputPort("disturbance")
+    sample = {
+        "time": context.get_time(),
+        "pose": evaluate("pose"),
+        "applied_input": evaluate("wheel_command"),
+        "disturbance": evaluate("disturbance") if disturbed else np.zeros(POSE_SIZE),
+    }
+    if not diagram.HasOutputPort("plan"):
+        return sample
     plan = evaluate("plan")
     assert isinstance(plan, Plan)
     gain = np.zeros((plan.inputs.shape[1], POSE_SIZE))
@@ -131,21 +145,16 @@ def _sample(diagram: Diagram, context: Context) -> dict[str, object]:
         more["reached"] = evaluate("reached")[0]  # type: ignore[index]
     if diagram.HasOutputPort("state"):
         more["nominal_next_velocity"] = plan.nominal_next[POSE_SIZE:]
-    disturbed = diagram.HasOutputPort("disturbance")
     return {
-        "time": context.get_time(),
-        "reference": plan.reference,
-        "pose": evaluate("pose"),
+        **sample,
         "nominal_pose": plan.nominal_state[POSE],
         "nominal_next": plan.nominal_next[POSE],
         "nominal_plan": plan.inputs,
         "nominal_input": plan.nominal_input,
-        "applied_input": evaluate("wheel_command"),
         "gain": gain,
         "half_width": plan.data.half_width[POSE],
         "input_lower": plan.data.input_lower[0],
         "input_upper": plan.data.input_upper[0],
-        "disturbance": evaluate("disturbance") if disturbed else np.zeros(POSE_SIZE),
         "solve_time_s": plan.solve_time,
         "preparation_time_s": plan.preparation_time,
         "iterations": plan.iterations,
@@ -155,8 +164,29 @@ def _sample(diagram: Diagram, context: Context) -> dict[str, object]:
 
 
 def summarise(run: Run) -> dict[str, object]:
-    """Returns the summary of a run, as written to ``summary.json``."""
+    """Returns the summary of a run, as written to ``summary.json``.
+
+    Of a controller that does not plan, it has nothing about solver, tube and bounds.
+    """
+    log = run.log
+    return {
+        "scenario": run.name,
+        "seed": run.scenario.seed,
+        "steps": len(log["time"]),
+        "simulated_time_s": float(log["time"][-1]),
+        "wall_time_s": run.wall_time,
+        "rmse": _rmse(log["pose"], log["reference"]),
+        "true_rmse": _rmse(log["true_pose"], log["reference"]) if "true_pose" in log else None,
+        **(_plan_summary(run) if "nominal_plan" in log else {}),
+        **({"wire": _wire_summary(run)} if "command_latency_s" in log else {}),
+        "versions": versions(),
+    }
+
+
+def _plan_summary(run: Run) -> dict[str, object]:
+    """Returns what a controller that plans adds to the summary of a run."""
     log, limit = run.log, run.scenario.input_limit
+    assert run.rate_limit is not None
     planned_from = planned_pose(log)
     deviation = pose_error(planned_from, log["nominal_pose"])
     # What the ancillary law asked for: what is applied has been saturated.
@@ -169,13 +199,6 @@ def summarise(run: Run) -> dict[str, object]:
     statuses = [SolveStatus(status) for status in log["status"]]
     moves = np.abs(np.diff(log["nominal_input"], axis=0, prepend=0.0))
     return {
-        "scenario": run.name,
-        "seed": run.scenario.seed,
-        "steps": len(log["time"]),
-        "simulated_time_s": float(log["time"][-1]),
-        "wall_time_s": run.wall_time,
-        "rmse": _rmse(log["pose"], log["reference"]),
-        "true_rmse": _rmse(log["true_pose"], log["reference"]) if "true_pose" in log else None,
         "solve_time_ms": _percentiles(log["solve_time_s"]),
         "feedback_time_ms": _percentiles(log["solve_time_s"] - log["preparation_time_s"]),
         "solver": run.scenario.nominal_nmpc.solver,
@@ -187,8 +210,6 @@ def summarise(run: Run) -> dict[str, object]:
         "input_violations": _count(beyond),
         "rate_violations": _count(moves > run.rate_limit + ROUNDING),
         **({"coverage": _coverage_summary(run)} if "coverage" in log else {}),
-        **({"wire": _wire_summary(run)} if "command_latency_s" in log else {}),
-        "versions": versions(),
     }
 
 

@@ -33,6 +33,8 @@ from mirte_drake.systems.disturbance_source import (
 from mirte_drake.systems.inversion_tube_updater import InversionTubeUpdaterConfig
 from mirte_drake.systems.lagged_tube_updater import LaggedTubeConfig
 from mirte_drake.systems.nominal_nmpc import NominalNmpcConfig
+from mirte_drake.systems.pose_lqr import PoseLqrConfig
+from mirte_drake.systems.pose_pid import PosePidConfig
 from mirte_drake.systems.reference_source import ReferencePathConfig
 from mirte_drake.systems.state_estimator import StateEstimatorConfig
 from mirte_drake.systems.tube_updater import TubeUpdaterConfig
@@ -42,6 +44,7 @@ from mirte_drake.typed_yaml import parse_typed, top_level_text
 from mirte_drake.vectors import POSE_SIZE, WHEELS
 
 WiredRobotConfig = Ros2RobotConfig | LcmRobotConfig
+PoseControllerConfig = PosePidConfig | PoseLqrConfig
 
 SUFFIX = ".scenario.yaml"
 KINDS = (
@@ -50,6 +53,7 @@ KINDS = (
     *get_args(DisturbanceConfig),
     *get_args(RobotConfig),
     *get_args(WiredRobotConfig),
+    *get_args(PoseControllerConfig),
 )
 # Tubes, and the ancillary laws that they are for.
 _TUBES = {
@@ -75,6 +79,9 @@ class Scenario:
     reference: ReferencePathConfig | VelocitySetpointConfig = dc.field(
         default_factory=RectanglePath
     )
+    # null: the NMPC of the fields that follow. Another one plans nothing, and has only the
+    # reference's horizon from them.
+    controller: PosePidConfig | PoseLqrConfig | None = None
     nominal_nmpc: NominalNmpcConfig = dc.field(default_factory=NominalNmpcConfig)
     ancillary_dlqr: AncillaryDlqrConfig | None = dc.field(default_factory=AncillaryDlqrConfig)
     # null: the baseline NMPC, which starts from the measured state with full input bounds.
@@ -117,6 +124,7 @@ class Scenario:
         elif isinstance(self.reference, VelocitySetpointConfig):
             raise ValueError("duration: must be given [s], a velocity setpoint has no end")
         check_parts(self)
+        self._check_kind_of_controller()
         self._check_parts_of_the_model(isinstance(model, LaggedModel))
         for tube, law in _TUBES.items():
             if getattr(self, tube) is not None and getattr(self, law) is None:
@@ -126,6 +134,15 @@ class Scenario:
                 "ancillary_inversion: stands in for ancillary_dlqr; set ancillary_dlqr and "
                 "tube_updater to null"
             )
+
+    def _check_kind_of_controller(self) -> None:
+        """Checks that a controller that does not plan has no parts of one that does."""
+        if self.controller is None:
+            return
+        for field in (*_TUBES, *_TUBES.values(), "state_estimator", "coverage_monitor"):
+            if getattr(self, field) is not None:
+                kind = type(self.controller).__name__
+                raise ValueError(f"{field}: must be null with controller {kind}")
 
     def _check_parts_of_the_model(self, lagged: bool) -> None:
         """Checks that the controller consists of what its prediction model needs."""

@@ -74,7 +74,8 @@ def write_typed(value: Any, path: Path) -> None:  # noqa: ANN401
 def _complete(node: yaml.MappingNode, value: Any) -> None:  # noqa: ANN401
     """Adds the fields that are None, and restores the order of dictionaries.
 
-    Drake leaves the former out, and would load their defaults; the latter it sorts by name.
+    Drake leaves the former out, except where the field can be of several kinds, and would load
+    their defaults; the latter it sorts by name.
     """
     children = {key.value: child for key, child in node.value}
     if isinstance(value, dict):
@@ -84,7 +85,7 @@ def _complete(node: yaml.MappingNode, value: Any) -> None:  # noqa: ANN401
     else:
         items = [(field.name, getattr(value, field.name)) for field in dc.fields(value)]
     for name, item in items:
-        if item is None:
+        if item is None and name not in children:
             key = yaml.ScalarNode("tag:yaml.org,2002:str", name)
             node.value.append((key, yaml.ScalarNode("tag:yaml.org,2002:null", "null")))
         elif isinstance(children.get(name), yaml.MappingNode):

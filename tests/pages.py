@@ -26,6 +26,7 @@ INDENTED = "    mirte-drake "
 SHORTER = {
     "simulate": "--set duration=0.3 --no-plots",
     "collect": "--duration 20",
+    "campaign": "--runs 1 --set duration=0.3 --backend serial --output campaign",
     "benchmark": "--quick --solver realtime --solver converged",
     "compare": "--runs 1 --scenario baseline_circle --set duration=0.3",
     "figures": "5-2",

@@ -15,10 +15,12 @@ from mirte_drake.assembly import (
     MakeDiagram,
 )
 from mirte_drake.control.inversion_tube import propagate_inversion_tube, required_room
+from mirte_drake.control.pid import PidGains, PidMemory, pid_step, reference_velocity
 from mirte_drake.control.plan import Plan, SolveStatus
 from mirte_drake.control.reference_paths import CirclePath
 from mirte_drake.control.turning_map import turning_map
 from mirte_drake.errors import UserError
+from mirte_drake.model.model_file import load_model
 from mirte_drake.robots.dynamic_robot import DynamicRobotConfig
 from mirte_drake.robots.multibody_robot import MultibodyRobotConfig
 from mirte_drake.robots.odometry_sensor import OdometrySensorConfig
@@ -35,6 +37,8 @@ from mirte_drake.systems.ancillary_inversion import AncillaryInversionConfig
 from mirte_drake.systems.coverage_monitor import CoverageMonitorConfig
 from mirte_drake.systems.disturbance_source import CornerDisturbance, NoDisturbance
 from mirte_drake.systems.inversion_tube_updater import InversionTubeUpdaterConfig
+from mirte_drake.systems.pose_lqr import PoseLqr, PoseLqrConfig
+from mirte_drake.systems.pose_pid import PosePidConfig
 from mirte_drake.systems.reference_source import ReferenceSource
 from mirte_drake.systems.tube_updater import TubeUpdaterConfig
 from mirte_drake.systems.velocity_setpoint import VelocitySetpointConfig, VelocitySetpointSource
@@ -55,6 +59,8 @@ RIGOROUS = dc.replace(
 )
 WATCHED = dc.replace(RIGOROUS, coverage_monitor=CoverageMonitorConfig())
 COVERAGE = ["prediction_error", "calibrated_bound", "coverage", "coverage_warning"]
+PID = dc.replace(BASELINE, controller=PosePidConfig())
+LQR = dc.replace(BASELINE, controller=PoseLqrConfig())
 W_MAX = np.array([0.04, 0.03, 0.09])
 
 
@@ -88,13 +94,18 @@ def read_at_samples(simulator, samples, *ports) -> list[tuple]:
 def test_every_scenario_builds_and_runs_two_samples(name):
     scenario = load_scenario(name)
     simulator = Simulator(MakeDiagram(scenario))
-    plans = read_at_samples(simulator, 2, "plan")
-    assert [plan.sample for (plan,) in plans] == [0, 1]
-    assert [plan.status for (plan,) in plans] == [SolveStatus.SOLVED] * 2
+    ports = output_names(simulator.get_system())
+    assert ("plan" in ports) == ("solve_status" in ports) == (scenario.controller is None)
+    if scenario.controller is None:
+        plans = read_at_samples(simulator, 2, "plan")
+        assert [plan.sample for (plan,) in plans] == [0, 1]
+        assert [plan.status for (plan,) in plans] == [SolveStatus.SOLVED] * 2
+    else:
+        read_at_samples(simulator, 2)
     assert np.all(np.isfinite(read(simulator, "pose")))
     assert np.max(np.abs(read(simulator, "wheel_command"))) <= scenario.input_limit
     assert np.any(read(simulator, "disturbance") != 0)
-    assert ("half_width" in output_names(simulator.get_system())) != name.startswith("baseline_")
+    assert ("half_width" in ports) == scenario.has_tube
 
 
 @pytest.mark.parametrize(
@@ -124,7 +135,60 @@ def test_ports_of_controller_and_diagram(scenario, further):
     }
 
 
-@pytest.mark.parametrize("scenario", [TURNING, WATCHED])
+@pytest.mark.parametrize("scenario", [PID, LQR], ids=["pid", "lqr"])
+def test_ports_of_a_controller_that_does_not_plan(scenario):
+    controller = MakeController(scenario)
+    assert input_names(controller) == ["pose", "reference_window"]
+    assert output_names(controller) == ["wheel_command"]
+    assert controller.GetInputPort("reference_window").size() == 33
+    assert set(output_names(MakeDiagram(scenario))) == {
+        *("reference", "pose", "body_velocity", "true_pose", "disturbance", "wheel_command")
+    }
+
+
+def test_pid_commands_follow_from_the_poses_of_their_own_instants():
+    simulator = Simulator(MakeDiagram(PID))
+    rows = read_at_samples(simulator, 6, "pose", "reference", "wheel_command")
+    poses = PID.reference.poses(0.1)
+    config, memory = PID.controller, PidMemory()
+    gains = PidGains(config.proportional, config.integral, config.derivative, config.feedforward)
+    for k, (pose, reference, command) in enumerate(rows):
+        velocity = reference_velocity(poses[k:], 0.1, config.preview)
+        expected, memory = pid_step(
+            gains, memory, pose, reference, velocity, period=0.1, input_limit=100.0
+        )
+        np.testing.assert_allclose(command, expected, atol=1e-9)
+    assert np.any(memory.integral != 0.0)
+
+
+def test_lqr_commands_follow_from_the_poses_of_their_own_instants():
+    lqr = PoseLqr(LQR.controller, load_model("extended_kinematic"), period=0.1, horizon=10)
+    context, poses = lqr.CreateDefaultContext(), LQR.reference.poses(0.1)
+    rows = read_at_samples(Simulator(MakeDiagram(LQR)), 4, "pose", "wheel_command")
+    for k, (pose, command) in enumerate(rows):
+        lqr.GetInputPort("pose").FixValue(context, pose)
+        lqr.GetInputPort("reference_window").FixValue(context, poses[k : k + 11].ravel())
+        np.testing.assert_array_equal(command, lqr.GetOutputPort("wheel_command").Eval(context))
+
+
+@pytest.mark.parametrize("scenario", [PID, LQR], ids=["pid", "lqr"])
+def test_a_pose_that_is_no_number_stops_the_wheels(scenario):
+    controller = MakeController(scenario)
+    simulator = Simulator(controller)
+    context = simulator.get_mutable_context()
+    controller.GetInputPort("pose").FixValue(context, np.full(3, np.nan))
+    controller.GetInputPort("reference_window").FixValue(context, np.tile([0.5, 0, 0], 11))
+    ((command,),) = read_at_samples(simulator, 1, "wheel_command")
+    np.testing.assert_array_equal(command, np.zeros(4))
+
+
+@pytest.mark.parametrize("config", [PosePidConfig(preview=10), PoseLqrConfig(preview=10)])
+def test_preview_beyond_the_horizon_names_the_controller(config):
+    with pytest.raises(UserError, match=r"^controller: preview: must be <= 9"):
+        MakeDiagram(dc.replace(BASELINE, controller=config))
+
+
+@pytest.mark.parametrize("scenario", [TURNING, WATCHED, PID, LQR])
 def test_controller_has_no_feedthrough(scenario):
     controller = MakeController(scenario)
     direct = {

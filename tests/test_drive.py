@@ -41,6 +41,15 @@ def test_a_drive_is_what_the_simulation_is(make_world):  # noqa: F811
     assert summary["wire"]["odometry_age_ms"]["max"] < 1.5
 
 
+def test_a_controller_that_does_not_plan_drives_over_the_wire(make_world):  # noqa: F811
+    scenario = load_scenario("pid_rectangle", ["duration=3"])
+    world = make_world(scenario)
+    run = drive(wired(scenario), "pid_rectangle", world.link, SESSION, clock=world.clock)
+    assert run.ended == "" and "nominal_plan" not in run.log
+    np.testing.assert_allclose(rmse(run), rmse(simulate(scenario, "pid_rectangle")), rtol=0.1)
+    assert np.any(run.log["applied_input"] != 0.0)
+
+
 def test_a_robot_switched_on_elsewhere_drives_the_same_path(make_world):  # noqa: F811
     scenario = short(5.0, "disturbance.bound=[0, 0, 0]")
     turned = 2.5

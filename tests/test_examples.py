@@ -16,6 +16,7 @@ SLOW = (  # Over 5 s, or in real time.
     "06_from_data_to_drive",
     "08_drive_over_the_wire",
     "13_recover_a_known_model",
+    "16_tune_a_controller",
 )
 NUMBER = r"\d+(?:\.\d+)?"
 

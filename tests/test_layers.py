@@ -20,7 +20,7 @@ LAYERS = [
     {"assembly"},
     {"run", "collect", "pacing", "drive", "drive_recorder", "wire_session", "stand_in"},
     {"replay", "live", "live_view"},
-    {"benchmark", "comparison", "faults", "doctor", "adversary"},
+    {"benchmark", "campaign", "comparison", "faults", "doctor", "adversary"},
     {"reporting", "thesis"},
     {"cli", "__main__"},
 ]

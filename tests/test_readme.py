@@ -46,7 +46,8 @@ def check(name: str, rmse: list[str], outside: str, *overrides: str) -> None:
 
 
 def test_the_table_has_every_scenario():
-    assert sorted(ROWS) == scenario_names()
+    others = ("pid_", "lqr_", "lagged_")
+    assert sorted(ROWS) == [name for name in scenario_names() if not name.startswith(others)]
 
 
 @pytest.mark.slow

@@ -248,6 +248,22 @@ def test_summary_has_the_contract_keys_and_counts_by_hand():
     assert summary["true_rmse"] == summary["rmse"]  # The study measures the true pose.
 
 
+def test_log_and_summary_of_a_controller_that_does_not_plan_have_no_plan(tmp_path):
+    run = short_run(name="lqr_rectangle")
+    assert set(run.log) == {
+        *("time", "reference", "pose", "true_pose", "applied_input", "disturbance")
+    }
+    planned = short_run(name="baseline_rectangle").log
+    for key, value in run.log.items():
+        assert value.shape == planned[key].shape
+    np.testing.assert_array_equal(run.log["reference"], planned["reference"])
+    np.testing.assert_array_equal(run.log["disturbance"], planned["disturbance"])
+    assert list(save_run(run, tmp_path)) == [
+        *("scenario", "seed", "steps", "simulated_time_s", "wall_time_s"),
+        *("rmse", "true_rmse", "versions"),
+    ]
+
+
 def test_rmse_is_of_odometry_and_true_rmse_of_where_the_robot_is():
     run = short_run("robot=!MultibodyRobotConfig {floor_friction: 0.05}")
     summary = summarise(run)

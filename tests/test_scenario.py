@@ -20,6 +20,8 @@ from mirte_drake.scenario import (
 from mirte_drake.systems.ancillary_inversion import AncillaryInversionConfig
 from mirte_drake.systems.disturbance_source import CornerDisturbance, NoDisturbance
 from mirte_drake.systems.inversion_tube_updater import InversionTubeUpdaterConfig
+from mirte_drake.systems.pose_lqr import PoseLqrConfig
+from mirte_drake.systems.pose_pid import PosePidConfig
 from mirte_drake.systems.velocity_setpoint import VelocitySetpointConfig
 from mirte_drake.typed_yaml import write_typed
 
@@ -28,8 +30,9 @@ PUBLISHED = ("rectangle", "circle", "turning_circle", "robot_rectangle", "robot_
 
 
 def test_the_contract_names_are_there():
+    prefixes = ("", "baseline_", "lagged_", "pid_", "lqr_")
     assert set(scenario_names()) == {
-        *(f"{prefix}{name}" for prefix in ("", "baseline_", "lagged_") for name in PUBLISHED),
+        *(f"{prefix}{name}" for prefix in prefixes for name in PUBLISHED),
         *(f"rigorous_{name}" for name in STUDIES),
     }
 
@@ -114,6 +117,21 @@ def test_a_delay_is_the_estimators_or_the_models():
 def test_the_parts_of_a_controller_fit_its_model(overrides, message):
     with pytest.raises(UserError, match=message):
         load_scenario("lagged_rectangle", overrides)
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+@pytest.mark.parametrize(
+    ("prefix", "controller"), [("pid_", PosePidConfig()), ("lqr_", PoseLqrConfig())]
+)
+def test_other_controllers_drive_the_path_of_the_baseline(name, prefix, controller):
+    scenario, baseline = load_scenario(f"{prefix}{name}"), load_scenario(f"baseline_{name}")
+    same = dc.replace(baseline, description=scenario.description, controller=controller)
+    assert repr(same) == repr(scenario)
+
+
+def test_a_controller_keeps_its_kind_when_a_field_changes():
+    scenario = load_scenario("pid_circle", ["controller.preview=5"])
+    assert scenario.controller.preview == 5 and isinstance(scenario.controller, PosePidConfig)
 
 
 def test_robot_settings_are_the_published_programs():
@@ -249,6 +267,7 @@ def test_duration_and_steps():
         ("tube_updater.disturbance_bound=[-1, 0, 0]", ["tube_updater.disturbance_bound", ">= 0"]),
         ("tube_updater.disturbance_frame=body", ["disturbance_frame", "published, rotated"]),
         ("ancillary_dlqr=null", ["tube_updater", "needs ancillary_dlqr"]),
+        ("controller=!PosePidConfig {}", ["ancillary_dlqr: must be null with", "PosePidConfig"]),
         ("period=0", ["period", "> 0"]),
         ("duration=-1", ["duration", ">= 0.1"]),
         ("seed=-1", ["seed", ">= 0"]),

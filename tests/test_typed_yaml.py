@@ -186,3 +186,23 @@ def test_replacing_leaves_the_old_file_and_nothing_else_on_an_exception(tmp_path
         raise exception
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+@dc.dataclass
+class Arm:
+    length: float = 0.1
+
+
+@dc.dataclass
+class Equipped:
+    tool: Arm | Wheel | None = None
+    spare: Wheel | None = dc.field(default_factory=Wheel)
+
+
+@pytest.mark.parametrize("tool", [None, Arm(0.3), Wheel(0.2)])
+@pytest.mark.parametrize("spare", [None, Wheel(0.4)])
+def test_what_is_none_of_several_kinds_stays_none(tool, spare, tmp_path):
+    file = tmp_path / "equipped.yaml"
+    write_typed(Equipped(tool, spare), file)
+    defaults = Equipped(Wheel(0.5), Wheel(0.6))
+    assert load_typed(Equipped, file, defaults) == Equipped(tool, spare)

@@ -10,6 +10,7 @@ import click
 
 from mirte_drake.cli import (  # noqa: F401 They add their commands.
     benchmark,
+    campaign,
     collection,
     comparison,
     doctor,

@@ -59,15 +59,15 @@ def compare(
     from mirte_drake.files import replacing_results, write_json
 
     names, robots = (tuple(dict.fromkeys(given)) for given in (scenarios or SCENARIOS, robots))
-    todo = trials(names, robots or ROBOTS, runs)
+    todo = trials(names, robots or ROBOTS, runs, overrides)
     folder = output or Path("runs") / "comparison"
     with replacing_results(folder, ("comparison.json", "runs.csv")) as results:
         with click.progressbar(length=len(todo), label="compare", file=sys.stderr) as bar:
-            outcomes = run_trials(todo, overrides, jobs=jobs, on_run=lambda: bar.update(1))
+            outcomes = run_trials(todo, jobs=jobs, on_run=lambda: bar.update(1))
         summary = comparison(todo, outcomes)
         write_json(summary, results / "comparison.json")
         save_runs(todo, outcomes, results / "runs.csv")
     click.echo(comparison_text(summary))
-    failures = sum(result.solve_failures for result in outcomes)
+    failures = sum(row["solve_failures"] for row in summary["medians"])
     click.echo(f"Failed solves: {failures} in {len(todo)} runs")
     click.echo(f"Written to {folder}")

@@ -73,7 +73,7 @@ def simulate(
             write_replay(results, results / REPLAY_FILE)
         if not no_plots:
             save_report(results)  # Has the replay in it.
-    click.echo(summary_table(summary, tube=scenario.tube_updater is not None))
+    click.echo(summary_table(summary, tube=scenario.has_tube))
     click.echo(f"Written to {folder}")
 
 
@@ -127,13 +127,23 @@ def summary_table(summary: dict, tube: bool) -> str:
         really = f", true {true[key]:.4f} {unit}" if true else ""
         return f"{rmse[key]:.4f} {unit}{really}"
 
-    solve, feedback = summary["solve_time_ms"], summary["feedback_time_ms"]
     rows = [
         ("scenario", f"{summary['scenario']}, seed {summary['seed']}"),
         ("samples", f"{summary['steps']} ({summary['simulated_time_s']:.1f} s)"),
         ("RMSE x", error("x_m", "m")),
         ("RMSE y", error("y_m", "m")),
         ("RMSE yaw", error("yaw_rad", "rad")),
+        *(_plan_rows(summary, tube) if "solver" in summary else []),
+        *_wire_rows(summary.get("wire")),
+        ("wall time", f"{summary['wall_time_s']:.1f} s"),
+    ]
+    return "\n".join(f"{label:22}{value}" for label, value in rows)
+
+
+def _plan_rows(summary: dict, tube: bool) -> list[tuple[str, str]]:
+    """Returns what a controller that plans adds to the table."""
+    solve, feedback = summary["solve_time_ms"], summary["feedback_time_ms"]
+    return [
         ("solver", f"{summary['solver']}, {summary['solve_failures']} failures"),
         (
             "solve time",
@@ -148,10 +158,7 @@ def summary_table(summary: dict, tube: bool) -> str:
             f"{summary['rate_violations']} samples, {summary['rate_relaxations']} to meet bounds",
         ),
         ("ended early", f"{summary['early_solves']} solves"),
-        *_wire_rows(summary.get("wire")),
-        ("wall time", f"{summary['wall_time_s']:.1f} s"),
     ]
-    return "\n".join(f"{label:22}{value}" for label, value in rows)
 
 
 def _wire_rows(wire: dict | None) -> list[tuple[str, str]]:

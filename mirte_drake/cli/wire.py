@@ -200,7 +200,7 @@ def _drive(
         if not no_plots:
             save_figures(run.log, results, input_limit=scenario.input_limit)
             save_report(results)
-    click.echo(summary_table(summary, tube=scenario.tube_updater is not None))
+    click.echo(summary_table(summary, tube=scenario.has_tube))
     click.echo(f"Written to {folder}")
     if run.ended:
         fail(f"ended early: {run.ended}")

@@ -33,12 +33,16 @@ _SYMBOLS, _UNITS = ("x", "y", r"\theta"), ("m", "m", "rad")  # Of a pose.
 
 
 def path_figure(log: Log) -> Figure:
-    """Draws reference, nominal and actual path, and the tube box of every sample."""
+    """Draws reference, nominal and actual path, and the tube box of every sample.
+
+    A controller that does not plan has neither a nominal path nor a tube.
+    """
     shown = np.concatenate([log["reference"], log["pose"], log.get("true_pose", log["pose"])])
     figure = Figure(figsize=path_size(shown[:, :2]), layout="compressed")
     axes = figure.subplots()
-    center, half = log["nominal_pose"][:, :2], log["half_width"][:, :2]
-    if np.any(half > 0):
+    plans = "nominal_pose" in log
+    if plans and np.any(log["half_width"][:, :2] > 0):
+        center, half = log["nominal_pose"][:, :2], log["half_width"][:, :2]
         boxes = [
             Rectangle(tuple(c - h), 2 * h[0], 2 * h[1]) for c, h in zip(center, half, strict=True)
         ]
@@ -51,7 +55,8 @@ def path_figure(log: Log) -> Figure:
             Rectangle((np.nan, np.nan), 0, 0, fc="0.86", ec="0.45", lw=0.5, label="tube")
         )
     axes.plot(*log["reference"][:, :2].T, label="reference", zorder=3, **REFERENCE)
-    axes.plot(*center.T, label="nominal", zorder=4, **NOMINAL)
+    if plans:
+        axes.plot(*log["nominal_pose"][:, :2].T, label="nominal", zorder=4, **NOMINAL)
     true_pose = _true_pose(log)
     label = "actual" if true_pose is None else "measured"
     axes.plot(*log["pose"][:, :2].T, label=label, zorder=5, **ACTUAL)
@@ -94,17 +99,20 @@ def input_figure(log: Log, input_limit: float) -> Figure:
     """Draws applied and nominal wheel commands, the tightened bounds and the input set."""
     figure = Figure(figsize=(5.2, 6.0), layout="constrained")
     panels = figure.subplots(4, 1, sharex=True)
-    time = log["time"]
+    time, plans = log["time"], "nominal_input" in log
     for wheel, axes in enumerate(panels):
-        lower, upper = log["input_lower"][:, wheel], log["input_upper"][:, wheel]
-        axes.fill_between(time, lower, upper, step="post", color="0.93", lw=0)
-        for bound, label in ((lower, "tightened bounds"), (upper, None)):
-            axes.step(time, bound, where="post", color="0.45", lw=0.8, label=label)
+        if plans:
+            lower, upper = log["input_lower"][:, wheel], log["input_upper"][:, wheel]
+            axes.fill_between(time, lower, upper, step="post", color="0.93", lw=0)
+            for bound, label in ((lower, "tightened bounds"), (upper, None)):
+                axes.step(time, bound, where="post", color="0.45", lw=0.8, label=label)
         for limit, label in ((-input_limit, "input set"), (input_limit, None)):
             axes.axhline(limit, color="black", lw=0.8, ls=":", label=label)
-        nominal, applied = log["nominal_input"][:, wheel], log["applied_input"][:, wheel]
+        applied = log["applied_input"][:, wheel]
         axes.step(time, applied, where="post", label="applied", **ACTUAL)
-        axes.step(time, nominal, where="post", label="nominal", **NOMINAL)
+        if plans:
+            nominal = log["nominal_input"][:, wheel]
+            axes.step(time, nominal, where="post", label="nominal", **NOMINAL)
         axes.set_ylim(-1.12 * input_limit, 1.12 * input_limit)
         axes.set_ylabel(f"$u_{wheel + 1}$ [%]")
         axes.set_title(WHEELS[wheel].replace("_", " "), loc="right", fontsize=9)

@@ -15,7 +15,7 @@ from mirte_drake.visualization.figures import (
 def logs():
     return {
         name: simulate(load_scenario(name, ["duration=2"]), name).log
-        for name in ("rectangle", "baseline_rectangle")
+        for name in ("rectangle", "baseline_rectangle", "pid_rectangle")
     }
 
 
@@ -98,3 +98,15 @@ def test_a_flat_path_has_a_flat_figure(logs):
     log = logs["rectangle"]  # Two seconds: a straight line.
     round_ = {**log, "pose": np.random.default_rng(1).normal(size=(21, 3))}
     assert path_figure(log).get_figheight() < 0.6 * path_figure(round_).get_figheight()
+
+
+def test_a_controller_that_does_not_plan_has_neither_nominal_path_nor_bounds(logs, tmp_path):
+    log = logs["pid_rectangle"]
+    (axes,) = path_figure(log).axes
+    assert not axes.collections
+    labels = {item.get_label() for item in axes.get_lines()}
+    assert {"reference", "actual"} <= labels and "nominal" not in labels
+    for axes in input_figure(log, 100.0).axes:
+        assert not axes.collections
+        np.testing.assert_array_equal(line(axes, "applied").get_xdata(), log["time"])
+    assert len(save_figures(log, tmp_path, input_limit=100.0)) == 9

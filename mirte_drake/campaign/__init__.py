@@ -1,0 +1,1 @@
+"""Campaigns: a grid of scenarios times many seeds, in parallel, as tables with intervals."""
