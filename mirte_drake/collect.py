@@ -9,10 +9,10 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import ZeroOrderHold
 
-from mirte_drake.assembly import AddRobot, export_wire
 from mirte_drake.control.excitation import ExcitationConfig
 from mirte_drake.errors import UserError
 from mirte_drake.pacing import Pace, WireStopped
+from mirte_drake.robot_assembly import AddRobot, export_wire
 from mirte_drake.robots.odometry_sensor import OdometrySensorConfig
 from mirte_drake.robots.robot_ports import RobotPorts
 from mirte_drake.scenario import Scenario

@@ -10,7 +10,7 @@ from pathlib import Path
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram
 
-from mirte_drake.assembly import AddRobot, MakeDiagram
+from mirte_drake.assembly import MakeDiagram
 from mirte_drake.collect import Collected, collect
 from mirte_drake.control.excitation import ExcitationConfig
 from mirte_drake.drive_recorder import DriveRecorder, Sink
@@ -21,6 +21,7 @@ from mirte_drake.hardware.odometry_check import check
 from mirte_drake.hardware.ros2_messages import Ros2Messages
 from mirte_drake.hardware.wire_config import Ros2WireConfig
 from mirte_drake.pacing import WirePace, interruption
+from mirte_drake.robot_assembly import AddRobot
 from mirte_drake.run import Run, run_diagram
 from mirte_drake.scenario import Scenario, wired_robot
 

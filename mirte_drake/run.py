@@ -13,10 +13,12 @@ from pydrake.systems.framework import Context, Diagram
 
 import mirte_drake
 from mirte_drake.angles import pose_error
-from mirte_drake.assembly import COVERAGE, ESTIMATES, MakeDiagram
+from mirte_drake.assembly import MakeDiagram
 from mirte_drake.control.dlqr import DlqrDesign
 from mirte_drake.control.lagged_law import tracking_error
 from mirte_drake.control.plan import Plan, SolveStatus
+from mirte_drake.controllers.lagged_controller import ESTIMATES
+from mirte_drake.controllers.tube_controller import COVERAGE
 from mirte_drake.files import replacing, write_json
 from mirte_drake.pacing import Pace, WireStopped
 from mirte_drake.scenario import Scenario, check_simulated

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from pydrake.systems.analysis import Simulator
 
-from mirte_drake.assembly import MakeRobot
 from mirte_drake.hardware.link import Link
 from mirte_drake.hardware.messages import Odometry, WheelCommand
+from mirte_drake.robot_assembly import MakeRobot
 from mirte_drake.scenario import Scenario
 from mirte_drake.vectors import WHEELS
 

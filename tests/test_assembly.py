@@ -10,7 +10,6 @@ from mirte_drake.angles import pose_error, rotation
 from mirte_drake.assembly import (
     AddController,
     AddReference,
-    AddRobot,
     MakeController,
     MakeDiagram,
 )
@@ -21,6 +20,7 @@ from mirte_drake.control.reference_paths import CirclePath
 from mirte_drake.control.turning_map import turning_map
 from mirte_drake.errors import UserError
 from mirte_drake.model.model_file import load_model
+from mirte_drake.robot_assembly import AddRobot
 from mirte_drake.robots.dynamic_robot import DynamicRobotConfig
 from mirte_drake.robots.multibody_robot import MultibodyRobotConfig
 from mirte_drake.robots.odometry_sensor import OdometrySensorConfig

@@ -17,6 +17,7 @@ LAYERS = [
     {"hardware"},  # Wire formats and safety: knows nothing of Diagrams but what LCM needs.
     {"systems", "robots"},
     {"scenario"},
+    {"controllers", "robot_assembly"},
     {"assembly"},
     {"run", "collect", "pacing", "drive", "drive_recorder", "wire_session", "stand_in"},
     {"replay", "live", "live_view"},

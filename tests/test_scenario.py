@@ -111,6 +111,7 @@ def test_a_delay_is_the_estimators_or_the_models():
         (["state_estimator=null"], "state_estimator: must be given"),
         (["ancillary_lagged=null"], "ancillary_lagged: must be given"),
         (["ancillary_dlqr={}"], "ancillary_dlqr: must be null"),
+        (["coverage_monitor={}"], "coverage_monitor: must be null"),
         (["lagged_tube.shape=box"], "lagged_tube.shape: must be one of"),
     ],
 )

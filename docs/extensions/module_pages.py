@@ -18,9 +18,11 @@ PACKAGE = Path(mirte_drake.__file__).parent
 BLOCK = ".. pydrake_system::"
 
 SYSTEMS = {  # Folder or module: heading.
-    "systems": "Controller, references and disturbance",
+    "systems": "Controllers' parts, references and disturbance",
+    "controllers": "Whole controllers",
     "robots": "Robots and odometry",
     "assembly": "Diagrams made of them",
+    "robot_assembly": "Diagrams made of them",
     "visualization": "To see it, and to interfere",
 }
 MODULES = {  # Folder: heading.
@@ -29,6 +31,7 @@ MODULES = {  # Folder: heading.
     "identification": "Identification",
     "control": "Mathematics of the controller",
     "systems": "Parts of systems",
+    "controllers": "Parts of controllers",
     "robots": "Parts of robots",
     "hardware": "The wire and what guards it",
     "run": "Scenarios and runs",

@@ -16,7 +16,7 @@ from mirte_drake.scenario import (
 )
 
 # Of the scenarios that drive the same path by different controllers.
-CONTROLLERS = ("pid_", "lqr_", "baseline_", "", "lagged_")
+CONTROLLERS = ("pid_", "lqr_", "baseline_", "", "rigorous_", "lagged_")
 
 
 @dc.dataclass(frozen=True)

@@ -16,6 +16,7 @@ SLIPPERY, DRY = Cell("circle", ("0.1",), Scenario()), Cell("circle", ("0.8",), S
 NONE = {"tube_violations": None, "successor_violations": None, "true_violations": None}
 GOOD = Outcome(
     samples=11,
+    delay=0,
     x_m=1 / 3,
     y_m=0.002,
     yaw_rad=0.003,

@@ -100,8 +100,8 @@ def test_what_cannot_be_run_is_named_before_anything_runs(names, variations, ove
 
 def test_controllers_of_a_path():
     family = with_controllers(["circle", "robot_circle", "circle"])
-    assert [name for name in family if "robot" not in name] == family[: len(family) // 2]
-    assert {"circle", "baseline_circle", "robot_circle", "baseline_robot_circle"} <= set(family)
+    assert family == [*with_controllers(["circle"]), *with_controllers(["robot_circle"])]
+    assert {"circle", "baseline_circle", "rigorous_circle", "baseline_robot_circle"} <= set(family)
     assert set(family) <= set(scenario_names())
     assert len(set(family)) == len(family)
     assert family == sorted(family, key=lambda name: "robot" in name)

@@ -70,6 +70,26 @@ def test_numbers_of_samples_by_hand():
     assert shown.max_distance_m == 0.3 and shown.max_yaw_rad == pytest.approx(0.2)
 
 
+def test_with_a_delay_the_true_pose_is_compared_with_the_plan_of_its_time():
+    settings = ["state_estimator.delay=2", "duration=2"]
+    run = simulate(load_scenario("lagged_rectangle", settings), "lagged_rectangle")
+    zero = np.zeros(run.log["pose"].shape)
+    true_pose, nominal_pose = zero.copy(), zero.copy()
+    true_pose[[1, 5], 0] = 0.11  # Before the first plan acts, and after.
+    nominal_pose[[7, -1], 2] = 0.11  # Acts at 9, and never.
+    shown = changed(
+        run,
+        state=np.zeros(run.log["state"].shape),
+        true_pose=true_pose,
+        nominal_pose=nominal_pose,
+        half_width=np.full(zero.shape, 0.1),
+    )
+    assert (shown.samples, shown.delay) == (21, 2)
+    assert (shown.true_violations, shown.tube_violations) == (2, 2)
+    assert shown.true_inside == pytest.approx(1 - 2 / 19)
+    assert shown.measured_inside == pytest.approx(1 - 2 / 21)
+
+
 def test_errors_and_counts_are_those_of_the_summary():
     run = short_run()
     shown, summary = outcome(run), summarise(run)

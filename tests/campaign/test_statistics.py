@@ -11,6 +11,7 @@ from mirte_drake.scenario import Scenario
 
 OUTCOME = Outcome(
     samples=11,
+    delay=0,
     x_m=0.1,
     y_m=0.2,
     yaw_rad=0.3,

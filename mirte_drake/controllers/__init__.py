@@ -1,0 +1,1 @@
+"""Whole controllers, wired from their parts."""

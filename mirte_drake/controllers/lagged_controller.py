@@ -1,0 +1,119 @@
+"""The tube NMPC of a robot whose velocity lags behind its commands."""
+
+from pydrake.systems.framework import Diagram, DiagramBuilder
+
+from mirte_drake.control.lagged_tube import lagged_loop
+from mirte_drake.controllers.parts import add_limiter_and_hold, built, naming
+from mirte_drake.model.lagged_model import LaggedModel
+from mirte_drake.scenario import Scenario
+from mirte_drake.systems.ancillary_lagged import AddAncillaryLagged, AncillaryLagged
+from mirte_drake.systems.lagged_tube_updater import AddLaggedTubeUpdater, LaggedTubeUpdater
+from mirte_drake.systems.nominal_nmpc import AddNominalNmpc
+from mirte_drake.systems.state_estimator import AddStateEstimator, StateEstimator
+
+# Outputs that other controllers do not have.
+ESTIMATES = ("state", "bias", "innovation", "error_bound")
+
+
+def MakeLaggedController(scenario: Scenario, model: LaggedModel) -> Diagram:
+    """Builds the controller of a robot whose velocity lags.
+
+    .. pydrake_system::
+
+        name: LaggedController
+        input_ports:
+        - pose
+        - reference_window
+        output_ports:
+        - wheel_command
+        - plan
+        - solve_status
+        - half_width
+        - error_bound
+        - state
+        - bias
+        - innovation
+
+    Estimator, nominal NMPC, ancillary law, limiter and hold. Everything from the estimator's
+    ``state`` (6,) on is about the sample at which the command begins to act, a delay of d samples
+    after the measured ``pose`` (3,): the ``reference_window`` (3 (d + N + 1),) holds r_k, ...,
+    r_{k+d+N}, of which the plan tracks those from r_{k+d} on. The plan's inputs are effective
+    commands, ``wheel_command`` (4,) [pwm] is what gives them. ``half_width``
+    and ``error_bound`` are there with a tube.
+
+    Args:
+        scenario: The scenario.
+        model: Its prediction model.
+
+    Raises:
+        UserError: when the prediction model cannot be stabilised.
+        ValueError: when a config is out of range.
+    """
+    assert scenario.state_estimator is not None and scenario.ancillary_lagged is not None
+    period, limit = scenario.period, model.effective_limit(scenario.input_limit)
+    builder = DiagramBuilder()
+    estimator = AddStateEstimator(builder, scenario.state_estimator, model, period=period)
+    with naming("nominal_nmpc"):
+        nmpc = AddNominalNmpc(
+            builder,
+            scenario.nominal_nmpc,
+            model.effective(),
+            period=period,
+            input_limit=limit,
+            lead=estimator.delay,
+        )
+    ancillary = AddAncillaryLagged(
+        builder, scenario.ancillary_lagged, model, period=period, input_limit=limit
+    )
+    tube = None
+    if scenario.lagged_tube is not None:
+        tube = _add_tube(builder, scenario, model, estimator, ancillary)
+        builder.Connect(nmpc.GetOutputPort("plan"), tube.GetInputPort("plan"))
+        for port in ("half_width", "input_lower", "input_upper"):
+            builder.Connect(tube.GetOutputPort(port), nmpc.GetInputPort(port))
+    limiter, hold = add_limiter_and_hold(builder, scenario)
+
+    builder.ExportInput(estimator.GetInputPort("pose"), "pose")
+    builder.ExportInput(nmpc.GetInputPort("reference_window"), "reference_window")
+    builder.Connect(estimator.GetOutputPort("state"), nmpc.GetInputPort("state"))
+    builder.Connect(estimator.GetOutputPort("state"), ancillary.GetInputPort("state"))
+    builder.Connect(estimator.GetOutputPort("bias"), ancillary.GetInputPort("bias"))
+    builder.Connect(nmpc.GetOutputPort("plan"), ancillary.GetInputPort("plan"))
+    builder.Connect(ancillary.GetOutputPort("wheel_command"), limiter.GetInputPort("wheel_command"))
+    limited = limiter.GetOutputPort("limited_command")
+    builder.Connect(limited, hold.get_input_port())
+    builder.Connect(limited, estimator.GetInputPort("wheel_command"))
+    builder.ExportOutput(hold.get_output_port(), "wheel_command")
+    builder.ExportOutput(nmpc.GetOutputPort("plan"), "plan")
+    builder.ExportOutput(nmpc.GetOutputPort("solve_status"), "solve_status")
+    if tube is not None:
+        for port in ("half_width", "error_bound"):
+            builder.ExportOutput(tube.GetOutputPort(port), port)
+    for port in ("state", "bias", "innovation"):
+        builder.ExportOutput(estimator.GetOutputPort(port), port)
+    return built(builder)
+
+
+def _add_tube(
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    model: LaggedModel,
+    estimator: StateEstimator,
+    ancillary: AncillaryLagged,
+) -> LaggedTubeUpdater:
+    """Adds the tube of the loop that estimator and ancillary law close."""
+    assert scenario.lagged_tube is not None
+    lag, period = model.parameters.lag, scenario.period
+    updater = AddLaggedTubeUpdater(
+        builder,
+        scenario.lagged_tube,
+        model,
+        lagged_loop(lag, period, ancillary.gains, estimator.gains, estimator.delay),
+        ancillary.gains,
+        period=period,
+        horizon=scenario.nominal_nmpc.horizon,
+        input_limit=model.effective_limit(scenario.input_limit),
+    )
+    for port in ("state", "bias"):
+        builder.Connect(estimator.GetOutputPort(port), updater.GetInputPort(port))
+    return updater

@@ -1,0 +1,39 @@
+"""What the controllers have in common: how their parts are added, and what ends each."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import ZeroOrderHold
+
+from mirte_drake.errors import UserError
+from mirte_drake.scenario import Scenario
+from mirte_drake.systems.wheel_command_limiter import AddWheelCommandLimiter, WheelCommandLimiter
+from mirte_drake.vectors import WHEELS
+
+
+@contextmanager
+def naming(field: str) -> Iterator[None]:
+    """Names the scenario's field in errors that only show when its system is made."""
+    try:
+        yield
+    except ValueError as error:
+        raise UserError(f"{field}: {error}") from None
+
+
+def add_limiter_and_hold(
+    builder: DiagramBuilder, scenario: Scenario
+) -> tuple[WheelCommandLimiter, ZeroOrderHold]:
+    """Adds what a wheel command passes last: limiter and hold; the caller connects them."""
+    limiter = AddWheelCommandLimiter(
+        builder, scenario.wheel_command_limiter, input_limit=scenario.input_limit
+    )
+    hold = builder.AddNamedSystem("command_hold", ZeroOrderHold(scenario.period, len(WHEELS)))
+    return limiter, hold
+
+
+def built(builder: DiagramBuilder) -> Diagram:
+    """Returns the controller of a builder."""
+    controller = builder.Build()
+    controller.set_name("controller")
+    return controller
