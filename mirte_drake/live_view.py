@@ -11,6 +11,7 @@ from mirte_drake.robots.robot_description import robot_sdf
 from mirte_drake.robots.robot_ports import RobotPorts
 from mirte_drake.robots.rolling_odometry import AddRollingWheels
 from mirte_drake.scenario import Scenario, WiredRobotConfig
+from mirte_drake.systems.held_tube import AddHeldTube
 from mirte_drake.systems.horizon_tube import AddHorizonTube
 from mirte_drake.systems.velocity_setpoint import VelocitySetpointConfig
 from mirte_drake.visualization.live_disturbance import AddLiveDisturbance
@@ -76,17 +77,27 @@ class LiveView:
             "pose": robot.pose,
             "true_pose": robot.true_pose,
             "reference": reference.GetOutputPort("reference"),
-            "plan": controller.GetOutputPort("plan"),
             "wheel_command": controller.GetOutputPort("wheel_command"),
             "wheel_angles": robot.wheel_angles or AddRollingWheels(builder, robot.body_velocity),
         }
         if disturbance is not None:
             shown["disturbance"] = disturbance
-        config = self.scenario.tube_updater
-        if config is not None:
-            tube = AddHorizonTube(builder, config, period=period, horizon=horizon)
-            for port in ("plan", "designs"):
-                builder.Connect(controller.GetOutputPort(port), tube.GetInputPort(port))
-            shown["half_widths"] = tube.GetOutputPort("half_widths")
+        if controller.HasOutputPort("plan"):
+            shown["plan"] = controller.GetOutputPort("plan")
+        if self.scenario.has_tube:
+            shown["half_widths"] = self._add_tube(builder, controller)
         for name, port in shown.items():
             builder.Connect(port, scene.GetInputPort(name))
+
+    def _add_tube(self, builder: DiagramBuilder, controller: Diagram) -> OutputPort:
+        """Adds the tube ahead, predicted where that is known how."""
+        config, horizon = self.scenario.tube_updater, self.scenario.nominal_nmpc.horizon
+        tube: LeafSystem
+        if config is not None:
+            tube = AddHorizonTube(builder, config, period=self.scenario.period, horizon=horizon)
+        else:
+            states = controller.GetOutputPort("half_width").size()
+            tube = AddHeldTube(builder, horizon=horizon, states=states)
+        for port in ("plan", "designs" if config is not None else "half_width"):
+            builder.Connect(controller.GetOutputPort(port), tube.GetInputPort(port))
+        return tube.GetOutputPort("half_widths")

@@ -15,7 +15,7 @@ from mirte_drake.geometry import wheel_speeds
 from mirte_drake.live_view import scene_stage
 from mirte_drake.robots.robot_description import robot_sdf
 from mirte_drake.run import RUN_FILES
-from mirte_drake.scenario import Scenario, load_prediction_model, load_scenario
+from mirte_drake.scenario import Scenario, load_planning_model, load_scenario
 from mirte_drake.vectors import POSE, POSE_SIZE, WHEELS, YAW
 from mirte_drake.visualization.replay_page import replay_page
 from mirte_drake.visualization.scene.frame import Frame, Trail
@@ -28,13 +28,16 @@ _SHAPES = {  # Of the arrays of a log that are drawn, without their rows; N is t
     "reference": (POSE_SIZE,),
     "pose": (POSE_SIZE,),
     "true_pose": (POSE_SIZE,),
+    "disturbance": (POSE_SIZE,),
+    "applied_input": (len(WHEELS),),
+}
+_PLAN_SHAPES = {  # Of those of a controller that plans, too.
     "nominal_pose": (POSE_SIZE,),
     "nominal_next": (POSE_SIZE,),
     "half_width": (POSE_SIZE,),
-    "disturbance": (POSE_SIZE,),
-    "applied_input": (len(WHEELS),),
     "nominal_plan": ("N", len(WHEELS)),
 }
+_LAGGED_SHAPES = {"nominal_next_velocity": (POSE_SIZE,)}  # Of those with a lagged model.
 
 
 @dc.dataclass(frozen=True)
@@ -65,15 +68,19 @@ def load_run(folder: Path) -> SavedRun:
 
 
 def _load_log(path: Path, scenario: Scenario) -> dict[str, np.ndarray]:
+    shapes: dict[str, tuple[object, ...]] = dict(_SHAPES)
+    if scenario.controller is None:
+        shapes |= _PLAN_SHAPES
+        shapes |= _LAGGED_SHAPES if scenario.state_estimator is not None else {}
     try:
         with np.load(path) as file:
-            log = {name: np.asarray(file[name], dtype=float) for name in _SHAPES}
+            log = {name: np.asarray(file[name], dtype=float) for name in shapes}
     except OSError as error:
         raise UserError(f"{path}: cannot be read: {error.strerror or error}") from None
     except (KeyError, ValueError, TypeError, EOFError, zipfile.BadZipFile) as error:
         raise UserError(f"{path}: not the log of a run: {error}; simulate anew") from None
     horizon, rows = scenario.nominal_nmpc.horizon, len(log["pose"])
-    for name, shape in _SHAPES.items():
+    for name, shape in shapes.items():
         wanted = (rows, *(horizon if size == "N" else size for size in shape))
         if log[name].shape != wanted or not rows:
             raise UserError(
@@ -99,21 +106,23 @@ def rolled_wheel_angles(poses: np.ndarray) -> np.ndarray:
 def frames(run: SavedRun) -> list[Frame]:
     """Returns what is seen at each sample.
 
-    The tube ahead is the one that came, so that it is known; past the end it stays as it is.
+    The tube ahead is the one that came, so that it is known; past the end it stays as it is. Of a
+    controller that does not plan, the plan is where the robot is, without a tube.
     Wheels turn as the measured pose says: odometry is what they did, and where there is none, the
     robot has no wheels of its own.
     """
-    log, period = run.log, run.scenario.period
-    model = load_prediction_model(run.scenario)
+    log = run.log
     horizon, last = run.scenario.nominal_nmpc.horizon, len(log["pose"]) - 1
+    plans = _plans(run)
+    half_width = log.get("half_width", np.zeros((last + 1, POSE_SIZE)))
     angles = rolled_wheel_angles(log["pose"])
     return [
         Frame(
             pose=log["pose"][k],
             true_pose=log["true_pose"][k],
             reference=log["reference"][k],
-            plan=model.roll_out(log["nominal_pose"][k], log["nominal_plan"][k], period)[:, POSE],
-            half_widths=log["half_width"][np.minimum(np.arange(k, k + horizon + 1), last)],
+            plan=plans[k],
+            half_widths=half_width[np.minimum(np.arange(k, k + horizon + 1), last)],
             disturbance=log["disturbance"][k],
             wheel_command=log["applied_input"][k],
             wheel_angles=angles[k],
@@ -122,11 +131,30 @@ def frames(run: SavedRun) -> list[Frame]:
     ]
 
 
+def _plans(run: SavedRun) -> np.ndarray:
+    """Returns the nominal poses (K, N + 1, 3) of all samples."""
+    log, horizon = run.log, run.scenario.nominal_nmpc.horizon
+    if "nominal_plan" not in log:
+        return np.repeat(log["pose"][:, None], horizon + 1, axis=1)
+    model, begins = load_planning_model(run.scenario), [log["nominal_next"]]
+    if "nominal_next_velocity" in log:
+        begins.append(log["nominal_next_velocity"])
+    later = [
+        model.roll_out(begin, inputs[1:], run.scenario.period)[:, POSE]
+        for begin, inputs in zip(np.hstack(begins), log["nominal_plan"], strict=True)
+    ]
+    return np.concatenate([log["nominal_pose"][:, None], later], axis=1)
+
+
 def trails(run: SavedRun, length: int) -> list[Trail]:
     """Returns what the run leaves behind, in pieces of so many samples."""
     log = run.log
-    nominal = np.stack([log["nominal_pose"][:-1], log["nominal_next"][:-1]], axis=1)
-    half_widths = np.stack([log["half_width"][:-1], log["half_width"][1:]], axis=1)
+    before, after, half_width = log["pose"], log["pose"][1:], np.zeros(log["pose"].shape)
+    if "nominal_plan" in log:
+        before, after, half_width = log["nominal_pose"], log["nominal_next"], log["half_width"]
+    steps = len(log["pose"]) - 1
+    nominal = np.stack([before[:steps], after[:steps]], axis=1)
+    half_widths = np.stack([half_width[:-1], half_width[1:]], axis=1)
     return [
         Trail(
             log["pose"][i : i + length + 1],

@@ -14,6 +14,8 @@ from mirte_drake.files import read_text
 from mirte_drake.robots.names import robot_name
 from mirte_drake.run import REPLAY_FILE, RUN_FILES
 from mirte_drake.scenario import Scenario, load_scenario
+from mirte_drake.systems.pose_lqr import PoseLqrConfig
+from mirte_drake.systems.pose_pid import PosePidConfig
 from mirte_drake.visualization.comparison_report import comparison_report
 from mirte_drake.visualization.diagram_picture import diagram_svg
 from mirte_drake.visualization.page import save_page
@@ -44,6 +46,7 @@ def load_run(folder: Path) -> ReportedRun:
         name=summary["scenario"],
         description=scenario.description,
         robot=robot_name(scenario.robot),
+        controller=_controller_name(scenario),
         tube=scenario.has_tube,
         period=scenario.period,
         input_limit=scenario.input_limit,
@@ -53,6 +56,16 @@ def load_run(folder: Path) -> ReportedRun:
         saturation=saturation(arrays["applied_input"], scenario.input_limit),
         oscillation=oscillation(arrays["applied_input"], max(arrays["time"][-1], scenario.period)),
     )
+
+
+def _controller_name(scenario: Scenario) -> str:
+    """Returns the controller of a scenario in two words."""
+    match scenario.controller:
+        case PosePidConfig():
+            return "pose PID"
+        case PoseLqrConfig():
+            return "pose LQR"
+    return "tube NMPC" if scenario.has_tube else "baseline NMPC"
 
 
 def save_report(folder: Path, path: Path | None = None) -> Path:

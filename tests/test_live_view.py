@@ -48,7 +48,9 @@ def test_every_scenario_can_be_watched(name):
     simulator, meshcat = watched(scenario)
     plain = MakeDiagram(scenario)
     assert outputs(simulator.get_system()) == outputs(plain)
-    tube = set() if name.startswith("baseline_") else {"horizon_tube"}
+    tube = set()
+    if scenario.has_tube:
+        tube = {"held_tube" if scenario.tube_updater is None else "horizon_tube"}
     assert names(simulator.get_system()) - names(plain) == {
         *("meshcat_scene", "live_disturbance", "wheel_speeds", "wheel_angles", *tube)
     }

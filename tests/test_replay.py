@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from mirte_drake.assembly import MakeDiagram
 from mirte_drake.control.reference_paths import integrate_body_velocity
 from mirte_drake.errors import UserError
 from mirte_drake.geometry import body_velocity
@@ -19,6 +20,7 @@ from mirte_drake.replay import (
     trails,
     write_replay,
 )
+from mirte_drake.run import samples as samples_of
 from mirte_drake.run import save_run, simulate
 from mirte_drake.scenario import load_scenario
 
@@ -82,6 +84,28 @@ def test_frames_have_what_the_log_has(run):
         assert shown[k].plan.shape == shown[k].half_widths.shape == (11, 3)
     np.testing.assert_array_equal(shown[5].half_widths, run.log["half_width"][5:16])
     np.testing.assert_array_equal(shown[20].half_widths, [run.log["half_width"][20]] * 11)
+
+
+def test_a_lagged_plan_goes_on_from_its_own_velocity(tmp_path):
+    run = saved(tmp_path, "lagged_circle", "state_estimator.delay=2", "duration=2")
+    shown = frames(run)
+    plans = {}
+    for context, _ in samples_of(diagram := MakeDiagram(run.scenario), run.scenario):
+        plans[len(plans)] = diagram.GetOutputPort("plan").Eval(context).states[:, :3]
+    for k in (0, 7, 17):
+        np.testing.assert_allclose(shown[k].plan, plans[k], atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["pid_circle", "lqr_circle"])
+def test_a_controller_that_does_not_plan_has_neither_plan_nor_tube(name, tmp_path):
+    run = saved(tmp_path, name, "duration=1")
+    for k, frame in enumerate(frames(run)):
+        np.testing.assert_array_equal(frame.plan, [run.log["pose"][k]] * 11)
+        np.testing.assert_array_equal(frame.half_widths, np.zeros((11, 3)))
+    np.testing.assert_array_equal(trails(run, 5)[1].nominal[0], run.log["pose"][5:7])
+    assert not np.any(trails(run, 5)[0].half_widths)
+    legend = run_page(run).split('<ul id="legend"')[1].split("</ul>")[0]
+    assert "nominal plan" not in legend and "tube" not in legend
 
 
 def test_trails_follow_each_other_to_the_end(run):

@@ -49,8 +49,8 @@ def _inside(run: ReportedRun) -> float | None:
     return 100 * (1 - run.summary["successor_violations"] / run.successors)
 
 
-def _solve_time(run: ReportedRun, key: str) -> float:
-    return run.summary["solve_time_ms"][key]
+def _solve_time(run: ReportedRun, key: str) -> float | None:
+    return run.summary["solve_time_ms"][key] if run.plans else None
 
 
 _COLUMNS = (
@@ -64,7 +64,7 @@ _COLUMNS = (
     _Column("wheels", "turns", "1/s", lambda run: run.oscillation, 2),
     _Column("solve time", "median", "ms", partial(_solve_time, key="p50"), 2),
     _Column("solve time", "longest", "ms", partial(_solve_time, key="max"), 2),
-    _Column("solves", "failed", "", lambda run: run.summary["solve_failures"], 0),
+    _Column("solves", "failed", "", lambda run: run.summary.get("solve_failures"), 0),
 )
 
 

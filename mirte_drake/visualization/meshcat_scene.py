@@ -37,7 +37,7 @@ class MeshcatScene(LeafSystem):
     pose (in)           vector (3,)        [m, m, rad]         measured, world frame
     true_pose (in)      vector (3,)        [m, m, rad]         world frame
     reference (in)      vector (3,)        [m, m, rad]         r_k
-    plan (in)           Plan               -                   of sample k
+    plan (in)           Plan               -                   of sample k; open: none
     wheel_command (in)  vector (4,)        [pwm]               u
     wheel_angles (in)   vector (4,)        [rad]               turned since the start
     half_widths (in)    vector (3 (N+1),)  [m, m, rad]         d_k, ..., d_{k+N}; open: no tube
@@ -76,14 +76,17 @@ class MeshcatScene(LeafSystem):
 
     def frame(self, context: Context) -> Frame:
         """Returns what is seen at the instant of a Context."""
-        plan = self._plan.Eval(context)
         pose = self._pose.Eval(context)
-        has_tube = plan.sample >= 0 and self._half_widths.HasValue(context)
-        widths = self._half_widths.Eval(context) if has_tube else np.zeros(3 * (self._horizon + 1))
-        disturbed = self._disturbance.HasValue(context)
+        plan = self._plan.Eval(context) if self._plan.HasValue(context) else None
+        states, share = np.tile(pose, (self._horizon + 1, 1)), 0.0
+        widths = np.zeros(3 * (self._horizon + 1))
         # Before the first solve the plan is not yet where the robot is.
-        states = plan.states[:, POSE] if plan.sample >= 0 else np.tile(pose, (self._horizon + 1, 1))
-        share = np.clip(context.get_time() / self._period - plan.sample, 0.0, 1.0)
+        if plan is not None and plan.sample >= 0:
+            states = plan.states[:, POSE]
+            share = np.clip(context.get_time() / self._period - plan.sample, 0.0, 1.0)
+            if self._half_widths.HasValue(context):
+                widths = self._half_widths.Eval(context)
+        disturbed = self._disturbance.HasValue(context)
         return Frame(
             pose=pose,
             true_pose=self._true_pose.Eval(context),
@@ -104,13 +107,15 @@ class MeshcatScene(LeafSystem):
             return
         last = context.get_discrete_state_vector().value().reshape(2, POSE_SIZE)
         now = self._poses(context)
-        plan, widths = self._plan.Eval(context), np.zeros((2, POSE_SIZE))
+        nominal, widths = np.stack([last[0], now[0]]), np.zeros((2, POSE_SIZE))
+        if self._plan.HasValue(context):
+            nominal = self._plan.Eval(context).states[:2, POSE]
         if self._half_widths.HasValue(context):
             widths = self._half_widths.Eval(context).reshape(-1, POSE_SIZE)[:2]
         trail = Trail(
             np.stack([last[0], now[0]]),
             np.stack([last[1], now[1]]),
-            plan.states[None, :2, POSE],
+            nominal[None],
             widths[None],
         )
         self._drawer.leave(trail, sample % LONGEST_TRAIL)

@@ -78,6 +78,8 @@ def _shown(frames: Sequence[Frame]) -> list[str]:
     absent = set()
     if all(np.array_equal(frame.pose, frame.true_pose) for frame in frames):
         absent.add("true")
+    if all(np.all(frame.plan == frame.pose) for frame in frames):
+        absent.add("plan")  # There is none: it is drawn where the robot is.
     if not any(np.any(frame.half_widths) for frame in frames):
         absent.add("tube")
     if not any(np.any(frame.disturbance) for frame in frames):

@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from mirte_drake.angles import pose_error
+from mirte_drake.vectors import POSE
 from mirte_drake.visualization.style import ACTUAL, set_time_axis
 
 Log = Mapping[str, np.ndarray]
@@ -21,7 +22,9 @@ def tube_figure(log: Log) -> Figure:
     figure = Figure(figsize=(5.2, 4.6), layout="constrained")
     panels = figure.subplots(len(_ROWS), 1, sharex=True)
     time, half_width = log["time"][1:], log["half_width"][1:]
-    error = pose_error(log["pose"][1:], log["nominal_next"][:-1])
+    # With a delay the plan begins around a pose that is estimated ahead.
+    pose = log["state"][:, POSE] if "state" in log else log["pose"]
+    error = pose_error(pose[1:], log["nominal_next"][:-1])
     outside = np.abs(error) > half_width + _ROUNDING
     for entry, (axes, (symbol, unit)) in enumerate(zip(panels, _ROWS, strict=True)):
         half = half_width[:, entry]

@@ -30,7 +30,8 @@ class ReportedRun:
     name: str
     description: str
     robot: str  # Its short name.
-    tube: bool  # False: the baseline NMPC.
+    controller: str  # In two words.
+    tube: bool  # Whether it keeps the robot in one.
     period: float  # [s]
     input_limit: float  # [pwm]
     scenario: str  # YAML, as run.
@@ -40,9 +41,9 @@ class ReportedRun:
     oscillation: float  # [1/s] Sign changes of a wheel command's increments, mean over wheels.
 
     @property
-    def controller(self) -> str:
-        """The controller in two words."""
-        return "tube NMPC" if self.tube else "baseline NMPC"
+    def plans(self) -> bool:
+        """Whether the controller plans, and so has a solver, a nominal path and bounds."""
+        return "solver" in self.summary
 
     @property
     def successors(self) -> int:
@@ -68,13 +69,15 @@ def run_report(run: ReportedRun, *, diagram: str, no_diagram: str = "", replay: 
     page = Page()
     steps, time = run.summary["steps"], run.summary["simulated_time_s"]
     picture = page.picture(diagram, f"Diagram of {run.name}") if diagram else ""
+    controller = f"{run.controller[0].upper()}{run.controller[1:]}"
+    solver = f", solver {run.summary['solver']}" if run.plans else ""
     return page.render(
         "run.html",
         kicker="mirte_drake: report of a run",
         title=run.name,
         description=run.description.rstrip("."),
-        setting=f"{run.controller[0].upper()}{run.controller[1:]} on the {run.robot} robot, solver "
-        f"{run.summary['solver']}; {steps} samples in {time:.1f} s, seed {run.summary['seed']}.",
+        setting=f"{controller} on the {run.robot} robot{solver}; "
+        f"{steps} samples in {time:.1f} s, seed {run.summary['seed']}.",
         ended=run.summary.get("wire", {}).get("ended", ""),
         command="drive" if "wire" in run.summary else "simulate",
         headline=_headline(run),
@@ -94,20 +97,25 @@ def rmse_texts(rmse: Mapping[str, float]) -> list[str]:
 
 
 def _headline(run: ReportedRun) -> list[dict[str, str]]:
-    summary, samples = run.summary, run.successors
-    true = rmse_texts(summary["true_rmse"]) if run.odometry else None
+    true = rmse_texts(run.summary["true_rmse"]) if run.odometry else None
     items = []
-    measured = zip(("x", "y", "yaw"), rmse_texts(summary["rmse"]), POSE_UNITS, strict=True)
+    measured = zip(("x", "y", "yaw"), rmse_texts(run.summary["rmse"]), POSE_UNITS, strict=True)
     for entry, (label, value, unit) in enumerate(measured):
         note = "against the reference" if run.summary["true_rmse"] else "measured by odometry"
         note = f"measured; truly {true[entry]}{NBSP}{unit}" if true else note
         items.append(_item(f"RMSE {label}", f"{value}{NBSP}{unit}", note))
-    outside = summary["successor_violations"]
+    return items + (_plan_headline(run) if run.plans else [])
+
+
+def _plan_headline(run: ReportedRun) -> list[dict[str, str]]:
+    """Returns what a controller that plans adds to the headline."""
+    summary, samples, items = run.summary, run.successors, []
     if run.tube:
+        outside = summary["successor_violations"]
         share = f"{100 * (1 - outside / samples):.1f} %"
         items.append(_item("Next pose in the tube", share, f"outside at {outside} of {samples}"))
     else:
-        items.append(_item("Next pose in the tube", "no tube", "baseline NMPC"))
+        items.append(_item("Next pose in the tube", "no tube", run.controller))
     solve = summary["solve_time_ms"]
     note = f"longest {_ms(solve['max'])} of {1e3 * run.period:g}{NBSP}ms"
     items.append(_item("Solve time, median", _ms(solve["p50"]), note))
@@ -123,21 +131,22 @@ def _item(label: str, value: str, note: str, mood: str = "") -> dict[str, str]:
 
 def _figures(page: Page, run: ReportedRun) -> list[dict[str, str]]:
     log = run.log
+    paths = "Reference, nominal and actual path" if run.plans else "Reference and actual path"
     drawn: list[tuple[str, Callable[[], Figure]]] = [
-        (
-            "Reference, nominal and actual path" + (", and the tube." if run.tube else "."),
-            lambda: path_figure(log),
-        ),
+        (paths + (", and the tube." if run.tube else "."), lambda: path_figure(log)),
         ("Tracking error: pose minus reference.", lambda: error_figure(log)),
-        (
+    ]
+    if run.plans:
+        drawn.append((
             "Solve time of every sample, against the period that it must fit in.",
             lambda: solve_time_figure(log, run.period),
-        ),
-    ]
+        ))  # fmt: skip
     if run.tube:
+        pose = "Estimated pose" if "state" in log else "Pose"
         drawn += [
             (
-                "Pose minus its prediction of one sample before, and the tube that should hold it.",
+                f"{pose} minus its prediction of one sample before, and the tube that should hold "
+                "it.",
                 lambda: tube_figure(log),
             ),
             (
@@ -153,12 +162,30 @@ def _figures(page: Page, run: ReportedRun) -> list[dict[str, str]]:
 
 def _numbers(run: ReportedRun) -> list[dict[str, str]]:
     summary = run.summary
-    solve, feedback = summary["solve_time_ms"], summary["feedback_time_ms"]
-    limit = f"{run.input_limit:g} %"
-    samples = "samples"
     rows = [
         ("RMSE, measured pose", _pose(summary["rmse"]), "x, y, yaw against the reference"),
         ("RMSE, true pose", _pose(summary["true_rmse"]), "where the robot really was"),
+        *(_plan_numbers(run) if run.plans else []),
+    ]
+    for key, value in summary.get("wire", {}).items():
+        label = key.removesuffix("_ms")
+        text = _times(value) if isinstance(value, Mapping) else value
+        rows.append((label.replace("_", " "), text or "-", _WIRE.get(label, "on the wire")))
+    rows.append(("wall time", f"{summary['wall_time_s']:.1f} s", "of the run, without its figures"))
+    return [
+        {"label": label, "value": str(value), "meaning": meaning} for label, value, meaning in rows
+    ]
+
+
+def _plan_numbers(run: ReportedRun) -> list[tuple[str, Any, str]]:
+    """Returns what a controller that plans adds to the numbers."""
+    summary, samples, limit = run.summary, "samples", f"{run.input_limit:g} %"
+    solve, feedback = summary["solve_time_ms"], summary["feedback_time_ms"]
+    if "reached" in run.log or "state" in run.log:  # Of laws that do not linearise the model.
+        leaving = "it happens where the robot does more than the tube assumes"
+    else:
+        leaving = "the tube bounds the linearised error, so it may happen"
+    rows = [
         ("solve time", _times(solve), "median, 99 %, longest"),
         ("from pose to plan", _times(feedback), "what of it comes after the measurement"),
         ("failed solves", summary["solve_failures"], "the previous plan, moved on, served instead"),
@@ -177,17 +204,10 @@ def _numbers(run: ReportedRun) -> list[dict[str, str]]:
             (
                 "next pose outside the tube",
                 summary["successor_violations"],
-                f"{samples}; the tube bounds the linearised error, so it may happen",
+                f"{samples}; {leaving}",
             ),
         ]
-    for key, value in summary.get("wire", {}).items():
-        label = key.removesuffix("_ms")
-        text = _times(value) if isinstance(value, Mapping) else value
-        rows.append((label.replace("_", " "), text or "-", _WIRE.get(label, "on the wire")))
-    rows.append(("wall time", f"{summary['wall_time_s']:.1f} s", "of the run, without its figures"))
-    return [
-        {"label": label, "value": str(value), "meaning": meaning} for label, value, meaning in rows
-    ]
+    return rows
 
 
 def _pose(rmse: Mapping[str, float] | None) -> str:

@@ -11,6 +11,10 @@ SETTINGS = {
     "baseline_rectangle": ("baseline_rectangle", []),
     "dynamic": ("rectangle", [robot_override("dynamic")]),
     "circle": ("circle", []),
+    "rigorous_rectangle": ("rigorous_rectangle", []),
+    "lagged_rectangle": ("lagged_rectangle", ["state_estimator.delay=2"]),
+    "pid_rectangle": ("pid_rectangle", []),
+    "lqr_rectangle": ("lqr_rectangle", []),
 }
 
 

@@ -61,6 +61,14 @@ def test_each_path_has_its_own_section(reported_runs, blank_figures):
     assert text.count('<figure class="plot">') == 8
 
 
+def test_a_controller_that_does_not_plan_has_no_solves(reported_runs, blank_figures):
+    names = ("rectangle", "pid_rectangle")
+    text = comparison_report({name: reported_runs[name] for name in names})
+    assert rows(text)["pid_rectangle"][-3:] == ["-"] * 3
+    assert rows(text)["rectangle"][-1] == "0"
+    assert "pose PID, sindyc robot" in text
+
+
 def test_settings_that_names_do_not_tell_apart_go_by_their_folders(reported_runs, blank_figures):
     run = reported_runs["rectangle"]
     other = dc.replace(run, scenario=run.scenario.replace("horizon: 10", "horizon: 12"))

@@ -52,8 +52,7 @@ def plan(sample=0):
 
 def context_of(dut, *, sample=0, open_ports=(), **values):
     context = dut.CreateDefaultContext()
-    dut.GetInputPort("plan").FixValue(context, AbstractValue.Make(plan(sample)))
-    for name, value in {**VALUES, **values}.items():
+    for name, value in {**VALUES, "plan": AbstractValue.Make(plan(sample)), **values}.items():
         if name not in open_ports:
             dut.GetInputPort(name).FixValue(context, value)
     return context
@@ -98,6 +97,15 @@ def test_open_ports_mean_no_tube_and_no_disturbance(dut):
     frame = dut.frame(context_of(dut, open_ports=("half_widths", "disturbance")))
     np.testing.assert_array_equal(frame.half_widths, np.zeros((3, 3)))
     np.testing.assert_array_equal(frame.disturbance, np.zeros(3))
+
+
+def test_without_a_plan_it_is_where_the_robot_is(dut):
+    context = context_of(dut, open_ports=("plan", "half_widths"))
+    np.testing.assert_array_equal(dut.frame(context).plan, [VALUES["pose"]] * 3)
+    left, dut._drawer.leave = [], lambda trail, index: left.append(trail)
+    Simulator(dut, context).AdvanceTo(0.15)
+    np.testing.assert_array_equal(left[0].nominal, [[VALUES["pose"]] * 2])
+    assert not np.any(left[0].half_widths)
 
 
 def test_before_the_first_solve_the_plan_is_where_the_robot_is(dut):

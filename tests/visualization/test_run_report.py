@@ -100,7 +100,26 @@ def test_without_a_picture_it_says_why(reported_runs, blank_figures):
     assert "No picture: no &lt;wire&gt; here" in text
 
 
-@pytest.mark.parametrize("name", ["rectangle", "baseline_rectangle"])
+@pytest.mark.parametrize("name", ["pid_rectangle", "lqr_rectangle"])
+def test_a_controller_that_does_not_plan_has_neither_solver_nor_tube(name, reported_runs):
+    run = reported_runs[name]
+    text = run_report(run, diagram=DIAGRAM)
+    assert list(headline(text)) == ["RMSE x", "RMSE y", "RMSE yaw"]
+    assert list(table(text)) == ["RMSE, measured pose", "RMSE, true pose", "wall time"]
+    assert text.count('<figure class="plot">') == 3
+    assert f"Pose {name[:3].upper()} on the sindyc robot; 21 samples in 2.0 s, seed 0." in text
+
+
+@pytest.mark.parametrize("name", ["rigorous_rectangle", "lagged_rectangle"])
+def test_other_tubes_have_all_that_the_published_one_has(name, reported_runs):
+    run = reported_runs[name]
+    text = run_report(run, diagram=DIAGRAM)
+    assert text.count('<figure class="plot">') == 5
+    assert "Tube NMPC on the" in text and "linearised" not in text
+    assert table(text)["next pose outside the tube"] == str(run.summary["successor_violations"])
+
+
+@pytest.mark.parametrize("name", ["rectangle", "baseline_rectangle", "lqr_rectangle"])
 def test_headings_go_down_one_by_one(name, reported_runs, blank_figures):
     levels = re.findall(r"<h(\d)", run_report(reported_runs[name], diagram=DIAGRAM))
     assert levels == ["1", *["2"] * (len(levels) - 1)]
