@@ -109,7 +109,7 @@ def test_every_block_runs(tmp_path, monkeypatch, capsys):
     save_csv(run, tmp_path / "run.csv")
     save_csv(run, tmp_path / "other_run.csv")
     every = pages.blocks(README_FILE)
-    assert sum(len(block.commands) for block in every) == 43
+    assert sum(len(block.commands) for block in every) == 45
     assert not any(block.not_run for block in every)
     # Nobody is there to stop what is watched.
     monkeypatch.setattr(RunControls, "read", lambda controls: Wish(1.0, False, 0, stop=True))

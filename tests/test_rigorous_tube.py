@@ -1,4 +1,4 @@
-"""The tube of docs/rigorous_tube.md, closed loop on the robot that it is proven for.
+"""The tube of docs/concepts/rigorous_tube.md, closed loop on the robot that it is proven for.
 
 RIGOROUS_SEEDS=50 in the environment runs as many seeds of the slow tests.
 """
