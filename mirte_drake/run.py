@@ -18,7 +18,7 @@ from mirte_drake.control.dlqr import DlqrDesign
 from mirte_drake.control.lagged_law import tracking_error
 from mirte_drake.control.plan import Plan, SolveStatus
 from mirte_drake.controllers.lagged_controller import ESTIMATES
-from mirte_drake.controllers.tube_controller import COVERAGE
+from mirte_drake.controllers.parts import COVERAGE
 from mirte_drake.files import replacing, write_json
 from mirte_drake.pacing import Pace, WireStopped
 from mirte_drake.scenario import Scenario, check_simulated
@@ -221,17 +221,17 @@ def _coverage_summary(run: Run) -> dict[str, object]:
     Shares of the one-step errors that the set in use and the calibrated set held, each judged by
     the set as it was before the error.
     """
-    log, config = run.log, run.scenario.coverage_monitor
-    assert config is not None
+    log, config, in_use = run.log, run.scenario.coverage_monitor, run.scenario.disturbance_bound
+    assert config is not None and in_use is not None
     known = np.all(np.isfinite(log["pose"]), axis=1)
     seen = known[1:] & known[:-1]
     error, bound = np.abs(log["prediction_error"][1:][seen]), log["calibrated_bound"][:-1][seen]
     warnings = np.sum(log["coverage_warning"], axis=0)
     return {
         "target": config.target,
-        "in_use": _share(np.all(error <= config.disturbance_bound, axis=1)),
+        "in_use": _share(np.all(error <= in_use, axis=1)),
         "calibrated": _share(np.all(error <= bound, axis=1)),
-        "beyond_cap": _count(error > config.cap * config.disturbance_bound),
+        "beyond_cap": _count(error > config.cap * in_use),
         "mean_calibrated_bound": np.mean(log["calibrated_bound"], axis=0).tolist(),
         "warnings": {"in_use": int(warnings[0]), "calibrated": int(warnings[1])},
     }

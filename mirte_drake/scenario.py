@@ -126,6 +126,7 @@ class Scenario:
         check_parts(self)
         self._check_kind_of_controller()
         self._check_parts_of_the_model(isinstance(model, LaggedModel))
+        self._check_monitor()
         for tube, law in _TUBES.items():
             if getattr(self, tube) is not None and getattr(self, law) is None:
                 raise ValueError(f"{tube}: needs {law}; set it, or both to null")
@@ -156,10 +157,34 @@ class Scenario:
                 )
         if self.lagged_tube is not None and not lagged:
             raise ValueError("lagged_tube: must be null without a lagged prediction model")
-        # The monitor predicts from the measured pose, one sample ahead: here neither holds.
-        for field in ("ancillary_dlqr", "ancillary_inversion", "coverage_monitor"):
+        for field in ("ancillary_dlqr", "ancillary_inversion"):
             if lagged and getattr(self, field) is not None:
                 raise ValueError(f"{field}: must be null with a lagged prediction model")
+
+    def _check_monitor(self) -> None:
+        """Checks that a coverage monitor has a set to watch, and a calibrated tube a monitor."""
+        if self.coverage_monitor is not None and self.disturbance_bound is None:
+            raise ValueError("coverage_monitor.disturbance_bound: must be given without a tube")
+        if self.lagged_tube is not None and self.lagged_tube.calibrated:
+            if self.coverage_monitor is None:
+                raise ValueError("lagged_tube.calibrated: needs a coverage_monitor")
+
+    @property
+    def disturbance_bound(self) -> np.ndarray | None:
+        """Half-widths (3,) [m/s, m/s, rad/s] of the set that a coverage monitor watches.
+
+        Where it names none, that of the tube; of a lag-aware one the bound on innovations, over
+        the period. None: there is neither.
+        """
+        if (
+            self.coverage_monitor is not None
+            and self.coverage_monitor.disturbance_bound is not None
+        ):
+            return self.coverage_monitor.disturbance_bound
+        if self.lagged_tube is not None:
+            return self.lagged_tube.innovation_bound / self.period
+        tube = self.tube_updater or self.inversion_tube_updater
+        return None if tube is None else tube.disturbance_bound
 
     @property
     def has_tube(self) -> bool:

@@ -188,6 +188,21 @@ def test_preview_beyond_the_horizon_names_the_controller(config):
         MakeDiagram(dc.replace(BASELINE, controller=config))
 
 
+def test_a_lagged_controllers_monitor_judges_the_innovation_and_its_bound_reaches_the_tube():
+    settings = ["lagged_tube.calibrated=true", "coverage_monitor={window: 5}"]
+    scenario = load_scenario("lagged_rectangle", settings)
+    ports = ("innovation", "prediction_error", "calibrated_bound", "error_bound")
+    rows = read_at_samples(Simulator(MakeDiagram(scenario)), 12, *ports)
+    fixed = load_scenario("lagged_rectangle")
+    bounds = read_at_samples(Simulator(MakeDiagram(fixed)), 12, "error_bound")
+    for innovation, error, _, _ in rows:
+        np.testing.assert_allclose(error, innovation / 0.1)
+    first = scenario.lagged_tube.innovation_bound / 0.1
+    assert any(not np.allclose(bound, first) for _, _, bound, _ in rows)
+    np.testing.assert_allclose(rows[1][-1], bounds[1][0])  # Both begin with the given bound.
+    assert not np.allclose(rows[-1][-1], bounds[-1][0])
+
+
 @pytest.mark.parametrize("scenario", [TURNING, WATCHED, PID, LQR])
 def test_controller_has_no_feedthrough(scenario):
     controller = MakeController(scenario)

@@ -96,7 +96,7 @@ def test_a_lagged_scenario_has_the_same_task(name):
     for field in ("reference", "disturbance", "robot", "odometry", "duration", "period"):
         assert repr(getattr(lagged, field)) == repr(getattr(published, field))
     assert lagged.lagged_tube is not None and lagged.tube_updater is None
-    assert lagged.delay == 0
+    assert lagged.delay == 1  # Of those with which a robot may have 0 to 2.
 
 
 def test_a_delay_is_the_estimators_or_the_models():
@@ -111,7 +111,11 @@ def test_a_delay_is_the_estimators_or_the_models():
         (["state_estimator=null"], "state_estimator: must be given"),
         (["ancillary_lagged=null"], "ancillary_lagged: must be given"),
         (["ancillary_dlqr={}"], "ancillary_dlqr: must be null"),
-        (["coverage_monitor={}"], "coverage_monitor: must be null"),
+        (["lagged_tube.calibrated=true"], "lagged_tube.calibrated: needs a coverage_monitor"),
+        (
+            ["lagged_tube=null", "coverage_monitor={}"],
+            "coverage_monitor.disturbance_bound: must be given without a tube",
+        ),
         (["lagged_tube.shape=box"], "lagged_tube.shape: must be one of"),
     ],
 )

@@ -77,27 +77,32 @@ def lagged_loop(
 class ModeTube:
     """Bounds moduli in eigenvectors: widths zeta (3, 2); see the module."""
 
-    def __init__(self, loop: LaggedLoop, bound: np.ndarray, missed: np.ndarray) -> None:
+    def __init__(self, loop: LaggedLoop, missed: np.ndarray) -> None:
         """Prepares the recursion.
 
         Args:
             loop: The closed loop; its eigenvalues must differ axis by axis.
-            bound: (3,) w_max [m, m, rad].
             missed: (3,) q_max [m/s, m/s, rad/s].
         """
         self._moduli, self._vectors = loop.modes
         self._inverse = np.linalg.inv(self._vectors)
-        by_innovation = np.abs(np.einsum("aij,aj->ai", self._inverse, loop.entry))
         by_command = np.abs(np.einsum("aij,aj->ai", self._inverse, loop.command))
-        self._push = by_innovation * bound[:, None] + by_command * missed[:, None]
+        self._by_innovation = np.abs(np.einsum("aij,aj->ai", self._inverse, loop.entry))
+        self._by_command = by_command * missed[:, None]
 
     def start(self) -> np.ndarray:
         """Returns the widths (3, 2) of no error."""
         return np.zeros((POSE_SIZE, 2))
 
-    def advance(self, widths: np.ndarray, turn: float) -> np.ndarray:
-        """Returns the widths (3, 2) a sample later, in which the robot turns by ``turn`` [rad]."""
-        widths = self._moduli * widths + self._push
+    def advance(self, widths: np.ndarray, turn: float, bound: np.ndarray) -> np.ndarray:
+        """Returns the widths (3, 2) a sample later.
+
+        Args:
+            widths: (3, 2)
+            turn: [rad] by which the robot turns within the sample.
+            bound: (3,) w_max [m, m, rad] of the innovation that comes then.
+        """
+        widths = self._moduli * widths + self._by_innovation * bound[:, None] + self._by_command
         # What an axis does not take from itself: (cos - 1) of it, and sin of the other one.
         components = self.components(widths)
         more = (1.0 - np.cos(turn)) * components
@@ -124,30 +129,29 @@ class ModeTube:
 class EllipsoidTube:
     """Propagates a matrix P (6, 6), backed off by gamma; see the module."""
 
-    def __init__(
-        self, loop: LaggedLoop, bound: np.ndarray, missed: np.ndarray, gamma: float
-    ) -> None:
+    def __init__(self, loop: LaggedLoop, missed: np.ndarray, gamma: float) -> None:
         """Prepares the recursion.
 
         Args:
             loop: The closed loop.
-            bound: (3,) w_max [m, m, rad].
             missed: (3,) q_max [m/s, m/s, rad/s].
             gamma: [-] How many times the square root of c' P c is backed off.
         """
         self._closed_loop, self._gamma = block_diag(*loop.closed_loop), gamma
-        innovation = block_diag(*(loop.entry * bound[:, None])[:, :, None])
         command = block_diag(*(loop.command * missed[:, None])[:, :, None])
-        self._push = innovation @ innovation.T + command @ command.T
+        self._by_innovation = block_diag(*loop.entry[:, :, None])
+        self._by_command = command @ command.T
 
     def start(self) -> np.ndarray:
         """Returns the matrix (6, 6) of no error."""
-        return np.zeros_like(self._push)
+        return np.zeros_like(self._by_command)
 
-    def advance(self, P: np.ndarray, turn: float) -> np.ndarray:
-        """Returns P (6, 6) a sample later, in which the robot turns by ``turn`` [rad]."""
+    def advance(self, P: np.ndarray, turn: float, bound: np.ndarray) -> np.ndarray:
+        """Returns P (6, 6) a sample later; see ``ModeTube.advance``."""
         turned = np.kron(rotation(-turn), np.eye(2))
-        return turned @ (self._closed_loop @ P @ self._closed_loop.T + self._push) @ turned.T
+        pushed = self._by_innovation * bound
+        following = self._closed_loop @ P @ self._closed_loop.T + pushed @ pushed.T
+        return turned @ (following + self._by_command) @ turned.T
 
     def _by_axis(self, P: np.ndarray) -> np.ndarray:
         return np.stack([P[i : i + 2, i : i + 2] for i in range(0, len(P), 2)])

@@ -1,15 +1,22 @@
 """The tube NMPC of a robot whose velocity lags behind its commands."""
 
 from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import Gain
 
 from mirte_drake.control.lagged_tube import lagged_loop
-from mirte_drake.controllers.parts import add_limiter_and_hold, built, naming
+from mirte_drake.controllers.parts import (
+    add_coverage_monitor,
+    add_limiter_and_hold,
+    built,
+    naming,
+)
 from mirte_drake.model.lagged_model import LaggedModel
 from mirte_drake.scenario import Scenario
 from mirte_drake.systems.ancillary_lagged import AddAncillaryLagged, AncillaryLagged
 from mirte_drake.systems.lagged_tube_updater import AddLaggedTubeUpdater, LaggedTubeUpdater
 from mirte_drake.systems.nominal_nmpc import AddNominalNmpc
 from mirte_drake.systems.state_estimator import AddStateEstimator, StateEstimator
+from mirte_drake.vectors import POSE_SIZE
 
 # Outputs that other controllers do not have.
 ESTIMATES = ("state", "bias", "innovation", "error_bound")
@@ -33,13 +40,18 @@ def MakeLaggedController(scenario: Scenario, model: LaggedModel) -> Diagram:
         - state
         - bias
         - innovation
+        - prediction_error
+        - calibrated_bound
+        - coverage
+        - coverage_warning
 
     Estimator, nominal NMPC, ancillary law, limiter and hold. Everything from the estimator's
     ``state`` (6,) on is about the sample at which the command begins to act, a delay of d samples
     after the measured ``pose`` (3,): the ``reference_window`` (3 (d + N + 1),) holds r_k, ...,
     r_{k+d+N}, of which the plan tracks those from r_{k+d} on. The plan's inputs are effective
     commands, ``wheel_command`` (4,) [pwm] is what gives them. ``half_width``
-    and ``error_bound`` are there with a tube.
+    and ``error_bound`` are there with a tube, the last four with a coverage monitor, whose
+    one-step error is the innovation over T_s.
 
     Args:
         scenario: The scenario.
@@ -71,6 +83,14 @@ def MakeLaggedController(scenario: Scenario, model: LaggedModel) -> Diagram:
         builder.Connect(nmpc.GetOutputPort("plan"), tube.GetInputPort("plan"))
         for port in ("half_width", "input_lower", "input_upper"):
             builder.Connect(tube.GetOutputPort(port), nmpc.GetInputPort(port))
+    if scenario.coverage_monitor is not None:
+        rate = builder.AddNamedSystem("innovation_rate", Gain(1.0 / period, POSE_SIZE))
+        builder.Connect(estimator.GetOutputPort("innovation"), rate.get_input_port())
+        monitor = add_coverage_monitor(builder, scenario, rate.get_output_port())
+        if scenario.lagged_tube is not None and scenario.lagged_tube.calibrated:
+            assert tube is not None
+            port = "calibrated_bound"
+            builder.Connect(monitor.GetOutputPort(port), tube.GetInputPort(port))
     limiter, hold = add_limiter_and_hold(builder, scenario)
 
     builder.ExportInput(estimator.GetInputPort("pose"), "pose")

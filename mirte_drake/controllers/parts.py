@@ -3,13 +3,17 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import ZeroOrderHold
 
 from mirte_drake.errors import UserError
 from mirte_drake.scenario import Scenario
+from mirte_drake.systems.coverage_monitor import AddCoverageMonitor, CoverageMonitor
 from mirte_drake.systems.wheel_command_limiter import AddWheelCommandLimiter, WheelCommandLimiter
 from mirte_drake.vectors import WHEELS
+
+# Outputs of a coverage monitor.
+COVERAGE = ("prediction_error", "calibrated_bound", "coverage", "coverage_warning")
 
 
 @contextmanager
@@ -30,6 +34,20 @@ def add_limiter_and_hold(
     )
     hold = builder.AddNamedSystem("command_hold", ZeroOrderHold(scenario.period, len(WHEELS)))
     return limiter, hold
+
+
+def add_coverage_monitor(
+    builder: DiagramBuilder, scenario: Scenario, error: OutputPort
+) -> CoverageMonitor:
+    """Adds the coverage monitor of a one-step error, and exports what it finds."""
+    assert scenario.coverage_monitor is not None
+    bound = scenario.disturbance_bound
+    assert bound is not None
+    monitor = AddCoverageMonitor(builder, scenario.coverage_monitor, bound, period=scenario.period)
+    builder.Connect(error, monitor.GetInputPort("error"))
+    for port in COVERAGE:
+        builder.ExportOutput(monitor.GetOutputPort(port), port)
+    return monitor
 
 
 def built(builder: DiagramBuilder) -> Diagram:

@@ -2,19 +2,21 @@
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem, OutputPort
 
-from mirte_drake.controllers.parts import add_limiter_and_hold, built, naming
+from mirte_drake.controllers.parts import (
+    add_coverage_monitor,
+    add_limiter_and_hold,
+    built,
+    naming,
+)
 from mirte_drake.model.prediction_model import PredictionModel
 from mirte_drake.scenario import Scenario
 from mirte_drake.systems.ancillary_dlqr import AddAncillaryDlqr
 from mirte_drake.systems.ancillary_inversion import AddAncillaryInversion
-from mirte_drake.systems.coverage_monitor import AddCoverageMonitor
 from mirte_drake.systems.inversion_tube_updater import AddInversionTubeUpdater
 from mirte_drake.systems.nominal_nmpc import AddNominalNmpc, NominalNmpc
+from mirte_drake.systems.one_step_error import AddOneStepError
 from mirte_drake.systems.tube_updater import AddTubeUpdater
 from mirte_drake.systems.wheel_command_limiter import WheelCommandLimiter
-
-# Outputs of a coverage monitor.
-COVERAGE = ("prediction_error", "calibrated_bound", "coverage", "coverage_warning")
 
 
 def MakeTubeController(scenario: Scenario, model: PredictionModel) -> Diagram:
@@ -153,12 +155,9 @@ def _add_monitor(
     model: PredictionModel,
     limiter: WheelCommandLimiter,
 ) -> None:
-    """Adds the coverage monitor, and exports what it finds."""
-    assert scenario.coverage_monitor is not None
-    monitor = AddCoverageMonitor(builder, scenario.coverage_monitor, model, period=scenario.period)
-    for port in ("pose", "state"):
-        builder.ConnectInput("pose", monitor.GetInputPort(port))
+    """Adds the coverage monitor and what it judges."""
+    error = AddOneStepError(builder, model, period=scenario.period)
+    builder.ConnectInput("pose", error.GetInputPort("state"))
     limited = limiter.GetOutputPort("limited_command")
-    builder.Connect(limited, monitor.GetInputPort("wheel_command"))
-    for port in COVERAGE:
-        builder.ExportOutput(monitor.GetOutputPort(port), port)
+    builder.Connect(limited, error.GetInputPort("wheel_command"))
+    add_coverage_monitor(builder, scenario, error.GetOutputPort("error"))

@@ -11,7 +11,6 @@ from pydrake.systems.framework import (
     LeafSystem,
 )
 
-from mirte_drake.angles import pose_error, rotation
 from mirte_drake.checks import check_array, check_number
 from mirte_drake.control.conformal import (
     AdaptiveConformal,
@@ -21,16 +20,16 @@ from mirte_drake.control.conformal import (
     first_calibration,
     missed,
 )
-from mirte_drake.model.prediction_model import PredictionModel
-from mirte_drake.vectors import POSE, POSE_SIZE, YAW
+from mirte_drake.vectors import POSE_SIZE
 
 
 @dc.dataclass
 class CoverageMonitorConfig:
     """Config of CoverageMonitor; see ``control.conformal`` for the calibrated set."""
 
-    # (3,) [m/s, m/s, rad/s] the set in use, body frame; the calibrated one has its shape.
-    disturbance_bound: np.ndarray = dc.field(default_factory=lambda: np.array([0.04, 0.03, 0.09]))
+    # (3,) [m/s, m/s, rad/s] or null: the set in use, body frame; the calibrated one has its shape.
+    # null: that of the tube.
+    disturbance_bound: np.ndarray | None = None
     target: float = 0.9  # Share of errors that a set shall hold.
     gain: float = 0.05  # gamma.
     window: int = 100  # [samples] of the quantile and of the running coverage.
@@ -39,7 +38,8 @@ class CoverageMonitorConfig:
 
     def validate(self) -> None:
         """Raises ValueError when a value is out of range."""
-        check_array("disturbance_bound", self.disturbance_bound, (POSE_SIZE,), minimum=1e-9)
+        if self.disturbance_bound is not None:
+            check_array("disturbance_bound", self.disturbance_bound, (POSE_SIZE,), minimum=1e-9)
         self.calibration().validate()
         check_number("band", self.band, minimum=0, maximum=1)
 
@@ -49,15 +49,13 @@ class CoverageMonitorConfig:
 
 
 class CoverageMonitor(LeafSystem):
-    """Compares each pose with what the model predicted for it a sample before.
+    """Judges each one-step error by the set in use and by one that it calibrates.
 
     .. pydrake_system::
 
         name: CoverageMonitor
         input_ports:
-        - pose
-        - state
-        - wheel_command
+        - error
         output_ports:
         - prediction_error
         - calibrated_bound
@@ -67,12 +65,9 @@ class CoverageMonitor(LeafSystem):
     ==================  ===========  ==================  =========================================
     port                type         unit                meaning
     ==================  ===========  ==================  =========================================
-    pose (in)           vector (3,)  [m, m, rad]         measured at t_k
-    state (in)          vector (n,)  model's             x_k: what the next pose is predicted from;
-                                                         of a kinematic model the pose
-    wheel_command (in)  vector (m,)  [pwm]               u_k, as it is applied
-    prediction_error    vector (3,)  [m/s, m/s, rad/s]   of the pose, over T_s, in the body frame
-                                                         of the sample before; NaN: none yet
+    error (in)          vector (3,)  [m/s, m/s, rad/s]   of the pose predicted a sample before,
+                                                         over T_s, body frame; not finite: none
+    prediction_error    vector (3,)  [m/s, m/s, rad/s]   the last one; NaN: none yet
     calibrated_bound    vector (3,)  [m/s, m/s, rad/s]   half-widths of the calibrated set, for the
                                                          next error
     coverage            vector (2,)  -                   running share of errors held by the set
@@ -82,34 +77,28 @@ class CoverageMonitor(LeafSystem):
                                                          calibrated set less or more
     ==================  ===========  ==================  =========================================
 
-    All outputs are states or follow from them alone. A sample without a finite pose, or after one
-    without a finite state, counts for nothing.
+    All outputs are states or follow from them alone, so that of the last error is there after the
+    sample in which it came. A sample without an error counts for nothing.
 
     Raises:
         ValueError: when ``config`` is out of range (at construction).
     """
 
-    def __init__(
-        self, config: CoverageMonitorConfig, model: PredictionModel, *, period: float
-    ) -> None:
+    def __init__(self, config: CoverageMonitorConfig, bound: np.ndarray, *, period: float) -> None:
         """Declares ports and state.
 
         Args:
             config: The config.
-            model: What predicts; the first three states are the pose.
+            bound: (3,) [m/s, m/s, rad/s] the set in use.
             period: [s] sample time T_s.
         """
         super().__init__()
         config.validate()
-        self._config, self._model, self._period = config, model, period
-        self._settings, nothing = config.calibration(), np.full(POSE_SIZE, np.nan)
+        check_array("disturbance_bound", bound, (POSE_SIZE,), minimum=1e-9)
+        self._config, self._bound, self._settings = config, np.array(bound), config.calibration()
         first = first_calibration(self._settings)
-        self._pose_input = self.DeclareVectorInputPort("pose", POSE_SIZE)
-        self._state_input = self.DeclareVectorInputPort("state", model.num_states)
-        self._command_input = self.DeclareVectorInputPort("wheel_command", model.num_inputs)
-        self._prediction = self.DeclareDiscreteState(nothing)
-        self._yaw = self.DeclareDiscreteState([np.nan])  # [rad] When that was predicted.
-        self._error = self.DeclareDiscreteState(nothing)
+        self._error_input = self.DeclareVectorInputPort("error", POSE_SIZE)
+        self._error = self.DeclareDiscreteState(np.full(POSE_SIZE, np.nan))
         self._calibration = self.DeclareDiscreteState([first.miss_rate, first.scale])
         # Of the last errors, oldest first, NaN where there are fewer: scores, and whether the
         # calibrated set held each.
@@ -123,19 +112,11 @@ class CoverageMonitor(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
     def _update(self, context: Context, next_state: DiscreteValues) -> None:
-        pose, state = self._pose_input.Eval(context), self._state_input.Eval(context)
-        command = self._command_input.Eval(context)
-        predicted = context.get_discrete_state(self._prediction).value()
-        yaw = context.get_discrete_state(self._yaw).value()[0]
-        with np.errstate(invalid="ignore"):
-            error = rotation(yaw).T @ pose_error(pose, predicted) / self._period
-            prediction = self._model.step(state, command, self._period)[POSE]
-        next_state.set_value(self._prediction, prediction)
-        next_state.set_value(self._yaw, [state[YAW]])
+        error = self._error_input.Eval(context)
         if not np.all(np.isfinite(error)):
             return
         before = self._read_calibration(context)
-        score = float(box_scores(error, self._config.disturbance_bound))
+        score = float(box_scores(error, self._bound))
         after = adapt(self._settings, before, score)
         held = context.get_discrete_state(self._held).value()
         unused = np.full(self._config.window - len(after.scores), np.nan)
@@ -151,7 +132,7 @@ class CoverageMonitor(LeafSystem):
 
     def _calc_bound(self, context: Context, output: BasicVector) -> None:
         scale = self._read_calibration(context).scale
-        output.SetFromVector(scale * self._config.disturbance_bound)
+        output.SetFromVector(scale * self._bound)
 
     def _running_coverage(self, context: Context) -> tuple[np.ndarray, bool]:
         """Returns both shares (2,), and whether the window is full."""
@@ -175,10 +156,10 @@ class CoverageMonitor(LeafSystem):
 def AddCoverageMonitor(
     builder: DiagramBuilder,
     config: CoverageMonitorConfig,
-    model: PredictionModel,
+    bound: np.ndarray,
     *,
     period: float,
     name: str = "coverage_monitor",
 ) -> CoverageMonitor:
     """Adds a CoverageMonitor to ``builder``; the caller connects its ports."""
-    return builder.AddNamedSystem(name, CoverageMonitor(config, model, period=period))
+    return builder.AddNamedSystem(name, CoverageMonitor(config, bound, period=period))

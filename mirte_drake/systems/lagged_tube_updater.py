@@ -31,6 +31,9 @@ class LaggedTubeConfig:
 
     # (3,) [m, m, rad] Bound on the innovations, forward, sideways, turning.
     innovation_bound: np.ndarray = dc.field(default_factory=lambda: np.array([0.002, 0.002, 0.006]))
+    # Whether the tube follows the bound that the coverage monitor calibrates; it then begins with
+    # the one above. Coverage is on average over time, so that this tube is not invariant.
+    calibrated: bool = False
     # [pwm] By which an effective command may miss what is asked for: whole percents. Within the
     # deadband it may miss by half of that; there the tube does not hold.
     command_error: float = 0.5
@@ -55,28 +58,33 @@ class LaggedTubeUpdater(LeafSystem):
         - plan
         - state
         - bias
+        - calibrated_bound
         output_ports:
         - half_width
         - error_bound
         - input_lower
         - input_upper
 
-    ===========  ===============  ==================  ============================================
-    port         type             unit                meaning
-    ===========  ===============  ==================  ============================================
-    plan (in)    Plan             -                   its inputs are effective commands
-    state (in)   vector (6,)      model's             estimated
-    bias (in)    vector (3,)      [m/s, m/s, rad/s]   that the ancillary law takes off
-    half_width   vector (6,)      model's             of a box within the tube around ``state``
-    error_bound  vector (6,)      robot's frame       of position (3) and velocity (3) in the tube
-    input_lower  vector (4 N,)    [pwm]               bounds per stage, by rows, that leave room
-                                                      for ancillary law and bias
-    input_upper  vector (4 N,)    [pwm]               the same
-    ===========  ===============  ==================  ============================================
+    =====================  ===========  ==================  ======================================
+    port                   type         unit                meaning
+    =====================  ===========  ==================  ======================================
+    plan (in)              Plan         -                   its inputs are effective commands
+    state (in)             vector (6,)  model's             estimated
+    bias (in)              vector (3,)  [m/s, m/s, rad/s]   that the ancillary law takes off
+    calibrated_bound (in)  vector (3,)  [m/s, m/s, rad/s]   on the next innovation, over T_s; open:
+                                                            the config's
+    half_width             vector (6,)  model's             of a box within the tube around
+                                                            ``state``
+    error_bound            vector (6,)  robot's frame       of position (3) and velocity (3) in the
+                                                            tube
+    input_lower            vector (4N,) [pwm]               bounds per stage, by rows, that leave
+                                                            room for ancillary law and bias
+    input_upper            vector (4N,) [pwm]               the same
+    =====================  ===========  ==================  ======================================
 
     State, every ``period`` s: the tube of the next sample, and the room for the ancillary law at
     each stage of a plan that begins there, both by the plan of this sample. No output has
-    feedthrough from ``plan``.
+    feedthrough from ``plan`` or ``calibrated_bound``.
 
     Raises:
         ValueError: when ``config`` is out of range (at construction).
@@ -108,18 +116,19 @@ class LaggedTubeUpdater(LeafSystem):
         config.validate()
         self._gains, self._horizon, self._limit = gains, horizon, input_limit
         self._map = model.effective().steady_velocity_jacobian(np.zeros(model.num_inputs))
-        bound = config.innovation_bound
+        self._bound, self._period = config.innovation_bound, period
         missed = config.command_error * np.sum(np.abs(self._map), axis=1)
         self._tube: ModeTube | EllipsoidTube = (
-            ModeTube(loop, bound, missed)
+            ModeTube(loop, missed)
             if config.shape == "modes"
-            else EllipsoidTube(loop, bound, missed, config.gamma)
+            else EllipsoidTube(loop, missed, config.gamma)
         )
         self._inverse = np.linalg.pinv(self._map)
         n, m = model.num_states, model.num_inputs
         self._plan_input = self.DeclareAbstractInputPort("plan", AbstractValue.Make(object()))
         self._state_input = self.DeclareVectorInputPort("state", n)
         self._bias_input = self.DeclareVectorInputPort("bias", POSE_SIZE)
+        self._bound_input = self.DeclareVectorInputPort("calibrated_bound", POSE_SIZE)
         tube, room = self._tube.start(), np.zeros((horizon, m))
         self._state = self.DeclareAbstractState(AbstractValue.Make((tube, room)))
         held = self.abstract_state_ticket(self._state)
@@ -158,16 +167,18 @@ class LaggedTubeUpdater(LeafSystem):
     def _update(self, context: Context, next_state: State) -> None:
         plan: Plan = self._plan_input.Eval(context)
         tube, _ = self._get(context)
+        calibrated = self._bound_input.HasValue(context)
+        bound = self._period * self._bound_input.Eval(context) if calibrated else self._bound
         turns = np.diff(plan.states[:, YAW])
         velocities = plan.inputs @ self._map.T
-        following = tube = self._tube.advance(tube, turns[0])
+        following = tube = self._tube.advance(tube, turns[0], bound)
         rooms = []
         for i in range(1, self._horizon + 1):
             last = min(i, self._horizon - 1)
             rooms.append(
                 input_room(self._tube, following, self._gains, velocities[last], self._inverse)
             )
-            following = self._tube.advance(following, turns[last])
+            following = self._tube.advance(following, turns[last], bound)
         value = next_state.get_mutable_abstract_state(int(self._state))
         value.set_value((tube, np.array(rooms)))
 

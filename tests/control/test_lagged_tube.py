@@ -34,14 +34,14 @@ def extremes(loop, tube, turns, seed=0):
     for turn in turns:
         w, q = (bound * rng.choice([-1.0, 1.0], (400, 3)) for bound in (BOUND, MISSED))
         w[:40], q[:40] = BOUND, MISSED  # Always the same way.
-        errors, state = advance(loop, errors, w, q, turn), tube.advance(state, turn)
+        errors, state = advance(loop, errors, w, q, turn), tube.advance(state, turn, BOUND)
         yield errors, state
 
 
 @pytest.mark.parametrize("loop", [LOOP, SWINGING], ids=["lqr", "swinging"])
 @pytest.mark.parametrize("turn", [0.0, 0.05])
 def test_no_bounded_innovation_leaves_the_tube_of_modes(loop, turn):
-    tube = ModeTube(loop, BOUND, MISSED)
+    tube = ModeTube(loop, MISSED)
     inverse = np.linalg.inv(loop.modes[1])
     for errors, widths in extremes(loop, tube, [turn] * 60):
         moduli = np.abs(np.einsum("aij,raj->rai", inverse, errors))
@@ -52,7 +52,7 @@ def test_no_bounded_innovation_leaves_the_tube_of_modes(loop, turn):
 
 
 def test_tube_of_modes_settles_and_is_no_larger_than_it_must_be():
-    tube = ModeTube(LOOP, BOUND, MISSED)
+    tube = ModeTube(LOOP, MISSED)
     *_, (errors, widths) = extremes(LOOP, tube, [0.0] * 200)
     moduli, vectors = LOOP.modes
     push = sum(
@@ -77,13 +77,13 @@ def test_box_of_modes_would_grow_in_position_and_velocity():
 
 
 def test_ellipsoid_is_the_covariance_of_independent_innovations():
-    tube = EllipsoidTube(LOOP, BOUND, MISSED, 2.0)
+    tube = EllipsoidTube(LOOP, MISSED, 2.0)
     P = tube.start()
     errors, rng = np.zeros((20000, 3, 2)), np.random.default_rng(1)
     for _ in range(30):
         w, q = (bound * rng.choice([-1.0, 1.0], (20000, 3)) for bound in (BOUND, MISSED))
         errors = advance(LOOP, errors, w, q, 0.05)
-        P = tube.advance(P, 0.05)
+        P = tube.advance(P, 0.05, BOUND)
     np.testing.assert_allclose(P, np.cov(errors.reshape(-1, 6).T), atol=0.03 * np.max(P))
     np.testing.assert_allclose(
         tube.support(P, K), 2.0 * np.std(np.sum(K * errors, axis=-1), axis=0), rtol=0.05
@@ -92,11 +92,11 @@ def test_ellipsoid_is_the_covariance_of_independent_innovations():
 
 @pytest.mark.parametrize("make", [ModeTube, lambda *a: EllipsoidTube(*a, 2.0)])
 def test_boxes_lie_within_the_tube(make):
-    tube = make(LOOP, BOUND, MISSED)
+    tube = make(LOOP, MISSED)
     state = tube.start()
     np.testing.assert_array_equal(tube.box(state), np.zeros((3, 2)))
     for _ in range(10):
-        state = tube.advance(state, 0.02)
+        state = tube.advance(state, 0.02, BOUND)
     box = tube.box(state)
     assert np.all(box > 0) and np.all(box <= tube.components(state))
     for signs in ((1, 1), (1, -1)):
@@ -132,8 +132,8 @@ def test_box_of_the_state_fits_into_the_turned_box(yaw):
 
 
 def test_input_room_by_hand():
-    tube = ModeTube(LOOP, BOUND, MISSED)
-    widths = tube.advance(tube.start(), 0.0)
+    tube = ModeTube(LOOP, MISSED)
+    widths = tube.advance(tube.start(), 0.0, BOUND)
     added, yaw = tube.support(widths, K), tube.components(widths)[2, 0]
     inverse = np.array([[1.0, -2, 3], [4, 5, -6], [7, 8, 9], [0, 1, 0]])
     room = input_room(tube, widths, K, np.array([0.3, -0.1, 5.0]), inverse)

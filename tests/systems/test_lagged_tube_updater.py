@@ -63,7 +63,7 @@ def read(simulator, port) -> np.ndarray:
 
 def test_ports():
     inputs, outputs = port_table(make_dut())
-    assert inputs == {"plan": "abstract", "state": 6, "bias": 3}
+    assert inputs == {"plan": "abstract", "state": 6, "bias": 3, "calibrated_bound": 3}
     assert outputs == {"half_width": 6, "error_bound": 6, "input_lower": 12, "input_upper": 12}
 
 
@@ -90,8 +90,8 @@ def test_the_first_plan_begins_at_the_estimate_and_has_all_inputs_but_the_bias()
 def test_two_updates_match_the_recursion(shape, make):
     simulator, plan = simulate(make_dut(shape=shape)), make_plan()
     simulator.AdvanceTo(0.15)
-    tube = make(LOOP, BOUND, 0.5 * np.sum(np.abs(G), axis=1))
-    state = tube.advance(tube.advance(tube.start(), 0.03), 0.03)
+    tube = make(LOOP, 0.5 * np.sum(np.abs(G), axis=1))
+    state = tube.advance(tube.advance(tube.start(), 0.03, BOUND), 0.03, BOUND)
     np.testing.assert_allclose(
         read(simulator, "half_width"), box_of_state(tube.box(state), STATE[2]), rtol=1e-12
     )
@@ -103,8 +103,19 @@ def test_two_updates_match_the_recursion(shape, make):
         velocity = G @ plan.inputs[i]
         room = input_room(tube, state, K, velocity, np.linalg.pinv(G))
         upper.append(np.linalg.pinv(G) @ BIAS + LIMIT - room)
-        state = tube.advance(state, 0.03)
+        state = tube.advance(state, 0.03, BOUND)
     np.testing.assert_allclose(read(simulator, "input_upper"), np.ravel(upper), rtol=1e-12)
+
+
+def test_the_tube_follows_a_calibrated_bound():
+    simulator, scaled = simulate(make_dut()), simulate(make_dut(innovation_bound=3 * BOUND))
+    context = simulator.get_mutable_context()
+    # Over the period: of velocities.
+    simulator.get_system().GetInputPort("calibrated_bound").FixValue(context, 3 * BOUND / 0.1)
+    for either in (simulator, scaled):
+        either.AdvanceTo(0.15)
+    for port in ("half_width", "error_bound", "input_upper"):
+        np.testing.assert_allclose(read(simulator, port), read(scaled, port), rtol=1e-12)
 
 
 def test_half_widths_settle_and_later_stages_leave_less():
