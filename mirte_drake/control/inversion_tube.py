@@ -1,4 +1,4 @@
-"""The tube of the law that inverts the input map; docs/concepts/rigorous_tube.md derives every term.
+"""The tube of the law that inverts the input map: docs/concepts/rigorous_tube.md derives it.
 
 The robot is the identified model with a disturbance w, |w| <= bound, in the body frame:
 xdot = F(yaw, u) + R(yaw) w. The law asks that the model's successor has 1 - k T_s of the error.

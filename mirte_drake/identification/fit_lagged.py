@@ -32,7 +32,9 @@ DELAYS = (0, 1, 2)  # [samples]
 # Start, least and largest value of what is fitted. Of the axes' gains the first, forward, is 1:
 # what is common to all is the wheels' gain.
 DEADBAND = (5.0, 0.0, 50.0)  # [pwm]
-LAG = (0.2, 0.01, 2.0)  # [s] Of each axis.
+# [s] Of each axis. A fifth of a sample is as good as none; below it a velocity is so soon forgotten
+# that plans do not know at which one to begin.
+LAG = (0.2, 0.02, 2.0)
 AXIS_GAIN = (0.8, 0.05, 2.0)
 WHEEL_GAIN = (PWM_SPEED, 0.02, 1.0)  # [rad/s per pwm]
 

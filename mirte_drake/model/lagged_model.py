@@ -114,9 +114,9 @@ class LaggedModel(PredictionModel):
 
     def steady_velocity(self, u: np.ndarray) -> np.ndarray:
         """Returns F(u) (..., 3) [m/s, m/s, rad/s], where the body velocity settles."""
-        driven = np.sign(u) * np.maximum(np.abs(u) - self._deadband, 0.0)
         forward, backward = self._gain
-        return np.maximum(driven, 0.0) @ forward.T + np.minimum(driven, 0.0) @ backward.T
+        ahead, back = (_positive(way - self._deadband) for way in (u, -np.asarray(u)))
+        return ahead @ forward.T - back @ backward.T
 
     def steady_velocity_jacobian(self, u: np.ndarray) -> np.ndarray:
         """Returns dF/du (..., 3, 4); at rest that of driving forward, zero within the deadband."""
@@ -171,6 +171,11 @@ class LaggedModel(PredictionModel):
     @property
     def _table(self) -> tuple[np.ndarray, float, np.ndarray]:
         return self._gain, self._deadband, self._lag
+
+
+def _positive(x: np.ndarray) -> np.ndarray:
+    """Returns max(x, 0) without a comparison, for Drake's symbolic expressions, too."""
+    return 0.5 * (x + np.abs(x))
 
 
 @compiled

@@ -1,4 +1,4 @@
-"""Adds the ancillary feedback that inverts the identified input map (docs/concepts/rigorous_tube.md)."""
+"""Adds the ancillary feedback that inverts the input map (docs/concepts/rigorous_tube.md)."""
 
 import dataclasses as dc
 
