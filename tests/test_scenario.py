@@ -111,7 +111,10 @@ def test_a_delay_is_the_estimators_or_the_models():
         (["state_estimator=null"], "state_estimator: must be given"),
         (["ancillary_lagged=null"], "ancillary_lagged: must be given"),
         (["ancillary_dlqr={}"], "ancillary_dlqr: must be null"),
-        (["lagged_tube.calibrated=true"], "lagged_tube.calibrated: needs a coverage_monitor"),
+        (
+            ["lagged_tube.calibrated=true", "coverage_monitor=null"],
+            "lagged_tube.calibrated: needs a coverage_monitor",
+        ),
         (
             ["lagged_tube=null", "coverage_monitor={}"],
             "coverage_monitor.disturbance_bound: must be given without a tube",

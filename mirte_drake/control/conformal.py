@@ -71,7 +71,8 @@ def adapt(settings: AdaptiveConformal, before: Calibration, score: float) -> Cal
     """Returns the state after one more score (Gibbs and Candes 2021).
 
     alpha+ = alpha + gamma (alpha* - miss), alpha* = 1 - target; the set is the conformal quantile
-    of the window for alpha+, the whole capped set where alpha+ <= 0, empty where alpha+ >= 1.
+    of the window for alpha+, the whole capped set where alpha+ <= 0, empty where alpha+ >= 1. It
+    does not shrink while there are fewer scores than a quantile for the target takes.
 
     What is guaranteed, for any sequence of scores whatever: of the first T that are not above the
     cap, the share missed differs from alpha* by at most (max(alpha_1, 1 - alpha_1) + gamma) /
@@ -89,5 +90,8 @@ def adapt(settings: AdaptiveConformal, before: Calibration, score: float) -> Cal
         scale = 0.0
     else:
         rank = min(conformal_rank(len(scores), 1.0 - rate), len(scores))
-        scale = min(float(np.partition(scores, rank - 1)[rank - 1]), settings.cap)
+        scale = float(np.partition(scores, rank - 1)[rank - 1])
+        if conformal_rank(len(scores), settings.target) > len(scores):
+            scale = max(scale, before.scale)  # So few scores are no reason to make it smaller.
+        scale = min(scale, settings.cap)
     return Calibration(rate, scale, scores)

@@ -131,3 +131,13 @@ def test_correlated_errors_are_covered_on_average():
 def test_rejects_bad_settings(field, value):
     with pytest.raises(ValueError, match=f"^{field}: "):
         AdaptiveConformal(**{field: value}).validate()
+
+
+def test_a_few_small_scores_do_not_make_the_set_smaller():
+    settings = AdaptiveConformal(target=0.9, gain=0.05, window=50, cap=10.0)
+    calibration, scales = first_calibration(settings, 1.0), []
+    for _ in range(12):
+        calibration = adapt(settings, calibration, 0.1)
+        scales.append(calibration.scale)
+    # A 90 % quantile takes nine scores.
+    assert scales[:8] == [1.0] * 8 and scales[8] == 0.1
