@@ -113,6 +113,8 @@ class WireRobot(LeafSystem):
         super().__init__()
         self._model, self._start, self._period = model, np.array(start), period
         self._session, self._limits, self._rolls = session, limits, roll_forward
+        # Compiled code is loaded, or made, on its first call: seconds, which no odometry may age.
+        model.step(np.zeros(model.num_states), np.zeros(len(WHEELS)), period)
         nothing = AbstractValue.Make(NOTHING)
         self._command = self.DeclareVectorInputPort("wheel_command", len(WHEELS))
         self._reference = self.DeclareVectorInputPort("reference", POSE_SIZE)

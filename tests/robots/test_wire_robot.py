@@ -140,6 +140,13 @@ def test_a_lagged_model_is_rolled_forward_from_the_measured_velocity_with_late_c
     np.testing.assert_allclose(drive.get("pose"), expected[:3], atol=1e-9)
 
 
+def test_the_model_is_compiled_before_the_drive_begins(monkeypatch):
+    stepped = []
+    monkeypatch.setattr(type(MODEL), "step", lambda model, x, u, dt: stepped.append(dt))
+    make_dut(start=np.zeros(3))
+    assert stepped == [0.1]
+
+
 def test_rolling_forward_can_be_switched_off():
     drive = Drive(make_dut(start=np.zeros(3), roll_forward=False))
     drive.to_sample(5.0, odometry(5.0, np.zeros(3)))
