@@ -31,7 +31,7 @@ class StateEstimatorConfig:
     # (3,) [m/s, m/s, rad/s] What moves the velocity beside the commands, per sample.
     velocity_drift: np.ndarray = dc.field(default_factory=lambda: np.array([0.003, 0.003, 0.006]))
     # (3,) [m/s, m/s, rad/s] By how much the bias changes, per sample.
-    bias_drift: np.ndarray = dc.field(default_factory=lambda: np.array([0.0035, 0.0035, 0.007]))
+    bias_drift: np.ndarray = dc.field(default_factory=lambda: np.array([0.0042, 0.0042, 0.0084]))
     estimates_bias: bool = True  # Whether there is a bias at all; else it is zero.
     # [samples] From command to motion, that of measurements to arrive included; null: the model's.
     delay: int | None = None

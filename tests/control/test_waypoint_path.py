@@ -116,8 +116,9 @@ def test_stops_are_on_samples_and_limits_hold(waypoints, heading, speed, yaw_rat
     np.testing.assert_allclose(poses[[0, -1], :2], waypoints[[0, -1], :2], atol=1e-12)
     first = 0
     for waypoint in listed:  # Each one after the other.
-        first += int(np.argmin(distances(poses[first:], waypoint)))
-        np.testing.assert_allclose(poses[first][: len(waypoint)], waypoint, rtol=0, atol=1e-9)
+        reached = np.flatnonzero(distances(poses[first:], waypoint) < 1e-9)
+        assert len(reached) > 0
+        first += int(reached[0])
     velocity = np.diff(poses, axis=0, prepend=poses[:1], append=poses[-1:]) / TS
     assert np.max(np.hypot(velocity[:, 0], velocity[:, 1])) <= speed * (1 + 1e-6)
     assert np.max(np.abs(velocity[:, 2])) <= yaw_rate * (1 + 1e-6)
