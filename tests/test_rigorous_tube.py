@@ -18,7 +18,7 @@ W_MAX = np.array([0.04, 0.03, 0.09])
 CORNERS = [(corner * W_MAX).tolist() for corner in itertools.product((-1, 1), repeat=3)]
 SETTLED = 20  # Samples until the half-widths are near their steady state.
 TOLERANCE = 1e-6  # [m, rad]
-SEEDS = int(os.environ.get("RIGOROUS_SEEDS", "5"))
+SEEDS = int(os.environ.get("RIGOROUS_SEEDS", "2"))
 
 paths = pytest.mark.parametrize("path", ["rectangle", "circle", "turning_circle"])
 seeds = pytest.mark.parametrize(
