@@ -134,6 +134,7 @@ def summary_table(summary: dict, tube: bool) -> str:
         ("RMSE y", error("y_m", "m")),
         ("RMSE yaw", error("yaw_rad", "rad")),
         *(_plan_rows(summary, tube) if "solver" in summary else []),
+        *_coverage_rows(summary.get("coverage")),
         *_wire_rows(summary.get("wire")),
         ("wall time", f"{summary['wall_time_s']:.1f} s"),
     ]
@@ -159,6 +160,19 @@ def _plan_rows(summary: dict, tube: bool) -> list[tuple[str, str]]:
         ),
         ("ended early", f"{summary['early_solves']} solves"),
     ]
+
+
+def _coverage_rows(coverage: dict | None) -> list[tuple[str, str]]:
+    """Returns what a coverage monitor adds to the table; a warning names its remedy."""
+    if coverage is None or coverage["in_use"] is None:
+        return []
+    target = f"{coverage['target']:.0%}"
+    held = f"{coverage['in_use']:.1%} of one-step errors, calibrated {coverage['calibrated']:.1%}"
+    rows = [("held by the set", f"{held} (target {target})")]
+    if warnings := coverage["warnings"]["in_use"]:
+        text = f"set in use held less than {target} in the last window at {warnings} samples"
+        rows.append(("warning", f"{text}: widen it, or use the calibrated one"))
+    return rows
 
 
 def _wire_rows(wire: dict | None) -> list[tuple[str, str]]:

@@ -8,7 +8,7 @@ from matplotlib.ticker import FuncFormatter
 
 from mirte_drake.angles import pose_error
 from mirte_drake.vectors import POSE
-from mirte_drake.visualization.style import ACTUAL, set_time_axis
+from mirte_drake.visualization.style import ACTUAL, NOMINAL, set_time_axis
 
 Log = Mapping[str, np.ndarray]
 
@@ -38,6 +38,25 @@ def tube_figure(log: Log) -> Figure:
     set_time_axis(panels[-1], log["time"])
     figure.align_ylabels()
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    return figure
+
+
+def coverage_figure(log: Log, target: float) -> Figure:
+    """Draws the running coverage of both disturbance sets, and the size of the calibrated one."""
+    figure = Figure(figsize=(5.2, 3.6), layout="constrained")
+    shares, size = figure.subplots(2, 1, sharex=True)
+    shares.axhline(100 * target, color="black", lw=0.9, ls=":", label=f"target: {100 * target:g} %")
+    for column, (label, line) in enumerate((("set in use", NOMINAL), ("calibrated", ACTUAL))):
+        shares.plot(log["time"], 100 * log["coverage"][:, column], label=label, **line)
+    shares.set(ylabel="held [%]", ylim=(0, 105))
+    bound = log["calibrated_bound"]
+    size.plot(log["time"], bound[:, 0] / bound[0, 0], **ACTUAL)
+    size.axhline(1.0, **NOMINAL)
+    size.set(ylabel="size [set in use]")
+    size.set_ylim(bottom=0)
+    set_time_axis(size, log["time"])
+    figure.align_ylabels()
+    figure.legend(*shares.get_legend_handles_labels(), loc="outside upper center", ncols=3)
     return figure
 
 

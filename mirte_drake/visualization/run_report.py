@@ -9,7 +9,11 @@ from matplotlib.figure import Figure
 
 from mirte_drake.visualization.figures import error_figure, input_figure, path_figure
 from mirte_drake.visualization.page import Page
-from mirte_drake.visualization.report_figures import solve_time_figure, tube_figure
+from mirte_drake.visualization.report_figures import (
+    coverage_figure,
+    solve_time_figure,
+    tube_figure,
+)
 
 NBSP = "\u00a0"  # Between a number and its unit.
 # [m, m, rad] of a summary's RMSE, and how reports print them.
@@ -157,6 +161,12 @@ def _figures(page: Page, run: ReportedRun) -> list[dict[str, str]]:
         ]
     else:
         drawn.append(("Wheel commands.", lambda: input_figure(log, run.input_limit)))
+    if coverage := run.summary.get("coverage"):
+        drawn.append((
+            "Share of the last one-step errors that the disturbance set in use held, and the set "
+            "that is calibrated while driving; below, how large that is.",
+            lambda: coverage_figure(log, coverage["target"]),
+        ))  # fmt: skip
     return [{"caption": caption, "svg": page.plot(draw, caption)} for caption, draw in drawn]
 
 
@@ -166,6 +176,7 @@ def _numbers(run: ReportedRun) -> list[dict[str, str]]:
         ("RMSE, measured pose", _pose(summary["rmse"]), "x, y, yaw against the reference"),
         ("RMSE, true pose", _pose(summary["true_rmse"]), "where the robot really was"),
         *(_plan_numbers(run) if run.plans else []),
+        *_coverage_numbers(summary.get("coverage")),
     ]
     for key, value in summary.get("wire", {}).items():
         label = key.removesuffix("_ms")
@@ -207,6 +218,24 @@ def _plan_numbers(run: ReportedRun) -> list[tuple[str, Any, str]]:
                 f"{samples}; {leaving}",
             ),
         ]
+    return rows
+
+
+def _coverage_numbers(coverage: Mapping[str, Any] | None) -> list[tuple[str, Any, str]]:
+    """Returns what a coverage monitor adds to the numbers."""
+    if coverage is None:
+        return []
+    warnings = coverage["warnings"]
+    sets = (
+        ("in_use", "set in use", "of the one-step errors that the tube reckons with"),
+        ("calibrated", "calibrated set", f"on average over time; target {coverage['target']:.0%}"),
+    )
+    rows: list[tuple[str, Any, str]] = []
+    for key, label, meaning in sets:
+        share = coverage[key]
+        rows.append((f"held by the {label}", "-" if share is None else f"{share:.1%}", meaning))
+        note = "samples at which its running coverage was out of its band"
+        rows.append((f"warnings, {label}", warnings[key], note))
     return rows
 
 
