@@ -1,6 +1,6 @@
 import numpy as np
 
-from mirte_drake.visualization.report_figures import solve_time_figure, tube_figure
+from mirte_drake.visualization.report_figures import coverage_figure, solve_time_figure, tube_figure
 
 COUNT = 20
 LOG = {
@@ -45,3 +45,14 @@ def test_solve_times_stand_against_the_period():
     np.testing.assert_allclose(line(axes, "solve").get_ydata(), np.linspace(1, 2, COUNT))
     for label, value in (("median: 1.5 ms", 1.5), ("99 %: 2 ms", 1.99), ("period: 100 ms", 100)):
         np.testing.assert_allclose(line(axes, label).get_ydata(), value)
+
+
+def test_coverage_of_both_sets_and_the_size_of_the_calibrated_one():
+    coverage = np.column_stack([np.linspace(0.5, 1.0, COUNT), np.full(COUNT, 0.9)])
+    bound = np.linspace(1.0, 3.0, COUNT)[:, None] * [0.04, 0.03, 0.09]
+    log = {**LOG, "coverage": coverage, "calibrated_bound": bound}
+    shares, size = coverage_figure(log, 0.9).axes
+    np.testing.assert_allclose(line(shares, "set in use").get_ydata(), 100 * coverage[:, 0])
+    np.testing.assert_allclose(line(shares, "calibrated").get_ydata(), 90.0)
+    np.testing.assert_allclose(line(shares, "target: 90 %").get_ydata(), 90.0)
+    np.testing.assert_allclose(size.get_lines()[0].get_ydata(), np.linspace(1.0, 3.0, COUNT))

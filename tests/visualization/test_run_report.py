@@ -114,9 +114,19 @@ def test_a_controller_that_does_not_plan_has_neither_solver_nor_tube(name, repor
 def test_other_tubes_have_all_that_the_published_one_has(name, reported_runs):
     run = reported_runs[name]
     text = run_report(run, diagram=DIAGRAM)
-    assert text.count('<figure class="plot">') == 5
+    assert text.count('<figure class="plot">') == (6 if name == "lagged_rectangle" else 5)
     assert "Tube NMPC on the" in text and "linearised" not in text
     assert table(text)["next pose outside the tube"] == str(run.summary["successor_violations"])
+
+
+def test_coverage_is_told_where_it_was_watched(reported_runs, blank_figures):
+    run = reported_runs["lagged_rectangle"]
+    coverage, numbers = run.summary["coverage"], table(run_report(run, diagram=DIAGRAM))
+    assert numbers["held by the set in use"] == f"{coverage['in_use']:.1%}"
+    assert numbers["held by the calibrated set"] == f"{coverage['calibrated']:.1%}"
+    assert numbers["warnings, set in use"] == str(coverage["warnings"]["in_use"])
+    unwatched = table(run_report(reported_runs["rectangle"], diagram=DIAGRAM))
+    assert not any("held by" in label for label in unwatched)
 
 
 @pytest.mark.parametrize("name", ["rectangle", "baseline_rectangle", "lqr_rectangle"])
