@@ -7,6 +7,8 @@ from mirte_drake.benchmark.casadi_peer import CASADI_HINT, METHODS, CasadiNmpc
 from mirte_drake.control.nmpc_solver import SOLVERS, NmpcSolver, make_nmpc_solver
 from mirte_drake.control.tracking_problem import TrackingProblem
 from mirte_drake.errors import UserError
+from mirte_drake.model.prediction_model import PredictionModel
+from mirte_drake.model.sparse_model import SparseModel
 
 SOLVER_NAMES = (*SOLVERS, *METHODS)
 BASELINE = "casadi_ipopt"  # What the others' speed is stated against.
@@ -23,16 +25,18 @@ def has_casadi() -> bool:
     return importlib.util.find_spec("casadi") is not None
 
 
-def available_solvers() -> tuple[str, ...]:
-    """Returns the solvers that this installation has."""
-    return SOLVER_NAMES if has_casadi() else SOLVERS
+def available_solvers(model: PredictionModel | None = None) -> tuple[str, ...]:
+    """Returns the solvers that this installation has, and, where one is given, a model can use."""
+    usable = has_casadi() and (model is None or isinstance(model, SparseModel))
+    return SOLVER_NAMES if usable else SOLVERS
 
 
-def check_solvers(names: Iterable[str]) -> tuple[str, ...]:
+def check_solvers(names: Iterable[str], model: PredictionModel | None = None) -> tuple[str, ...]:
     """Returns names of solvers, each once.
 
     Raises:
-        UserError: for a name that is not known, or a package that is missing.
+        UserError: for a name that is not known, a package that is missing, or a model that the
+            solver cannot have.
     """
     names = tuple(dict.fromkeys(names))
     for name in names:
@@ -41,6 +45,10 @@ def check_solvers(names: Iterable[str]) -> tuple[str, ...]:
             raise UserError(f"solver {name!r} is not known: use some of {known}")
         if name not in available_solvers():
             raise UserError(f"solver {name!r} {CASADI_HINT}")
+        if name not in available_solvers(model):
+            assert model is not None
+            known = ", ".join(available_solvers(model))
+            raise UserError(f"solver {name!r} cannot have the model {model.name!r}: use {known}")
     return names
 
 
@@ -62,12 +70,15 @@ def make_solver(problem: TrackingProblem, name: str) -> NmpcSolver:
 
 def make_driver(problem: TrackingProblem) -> NmpcSolver:
     """Returns the fastest solver there is that finds the optimum."""
-    name = next(name for name in _DRIVERS if name in available_solvers())
+    name = next(name for name in _DRIVERS if name in available_solvers(problem.model))
     return make_solver(problem, name)
 
 
 def make_reference_solver(problem: TrackingProblem) -> NmpcSolver | None:
-    """Returns a solver that finds the optimum to ``TIGHT_TOLERANCE``; None without CasADi."""
-    if not has_casadi():
+    """Returns a solver that finds the optimum to ``TIGHT_TOLERANCE``.
+
+    None without CasADi, or with a model that it cannot have.
+    """
+    if BASELINE not in available_solvers(problem.model):
         return None
     return CasadiNmpc(problem, "casadi_ipopt", tolerance=TIGHT_TOLERANCE)

@@ -59,11 +59,12 @@ def benchmark(
     )
     from mirte_drake.benchmark.table import table
     from mirte_drake.files import replacing_results, write_json
-    from mirte_drake.scenario import load_scenario, scenario_stem
+    from mirte_drake.scenario import load_planning_model, load_scenario, scenario_stem
     from mirte_drake.visualization.benchmark_figure import BENCHMARK_FILES, save_benchmark_figure
 
     scenario = load_scenario(name, overrides)
-    names = check_solvers(solvers) if solvers else available_solvers()
+    model = load_planning_model(scenario)
+    names = check_solvers(solvers, model) if solvers else available_solvers(model)
     settings = QUICK if quick else BenchmarkSettings()
     settings = dc.replace(
         settings,

@@ -12,6 +12,7 @@ from mirte_drake.benchmark.solvers import available_solvers, check_solvers
 from mirte_drake.benchmark.study import QUICK, Benchmark
 from mirte_drake.benchmark.table import table
 from mirte_drake.errors import UserError
+from mirte_drake.model.model_file import load_model
 
 
 def measurement(milliseconds, gaps=(1e-6, 3e-6, np.nan), prepared=()) -> Measurement:
@@ -122,6 +123,15 @@ def test_solvers_are_checked_by_name():
     assert set(check_solvers(["snopt"])) <= set(available_solvers())
     with pytest.raises(UserError, match="'acados' is not known: use some of"):
         check_solvers(["acados"])
+
+
+def test_solvers_that_need_a_model_of_terms_are_not_for_a_lagged_one():
+    lagged = load_model("lagged")
+    assert "converged" in available_solvers(lagged)
+    assert "casadi_ipopt" not in available_solvers(lagged)
+    if "casadi_ipopt" in available_solvers():
+        with pytest.raises(UserError, match="cannot have the model 'lagged': use realtime, "):
+            check_solvers(["casadi_ipopt"], lagged)
 
 
 def test_a_missing_package_is_named_with_its_remedy(monkeypatch):
