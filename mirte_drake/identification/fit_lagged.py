@@ -18,11 +18,16 @@ from scipy.optimize import OptimizeResult, least_squares
 from mirte_drake.compiled import compiled
 from mirte_drake.errors import UserError
 from mirte_drake.geometry import PWM_SPEED
-from mirte_drake.identification.held_out import BLOCKS, VELOCITY_SCALE, held_out_error
+from mirte_drake.identification.held_out import (
+    BLOCKS,
+    VELOCITY_SCALE,
+    held_out_error,
+    identification_record,
+)
 from mirte_drake.identification.recorded_run import RecordedRun, check_excitation
 from mirte_drake.model.drivetrain import BY_DIRECTION
 from mirte_drake.model.lagged_model import LaggedModel, LaggedParameters
-from mirte_drake.model.model_file import Identification, ModelFile
+from mirte_drake.model.model_file import ModelFile
 from mirte_drake.model.term_table import dense
 
 # What the wheels' gains may differ by, and the shape of their table.
@@ -120,19 +125,7 @@ def lagged_model_file(fit: LaggedFit, run: RecordedRun, *, date: str = "") -> Mo
     return ModelFile(
         name="lagged",
         lagged=fit.parameters,
-        identification=Identification(
-            source=f"fitted to {run.source}, {len(run.time)} samples",
-            data_sha256=run.sha256,
-            date=date,
-            settings={
-                "structure": str(fit.structure),
-                "selection": f"{BLOCKS} blocks of the recording held out in turn",
-                "held_out_error": ", ".join(
-                    f"{structure}: {error:.4f}" for structure, error in fit.held_out_errors.items()
-                ),
-                "velocity_scale": ", ".join(f"{value:g}" for value in VELOCITY_SCALE),
-            },
-        ),
+        identification=identification_record(run, date, fit.structure, fit.held_out_errors),
         training_scores=dict(zip(names, map(float, fit.velocity_rmse.round(5)), strict=True)),
     )
 

@@ -26,13 +26,17 @@ import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
 from mirte_drake.errors import UserError
-from mirte_drake.identification.held_out import BLOCKS, VELOCITY_SCALE, held_out_error
+from mirte_drake.identification.held_out import (
+    BLOCKS,
+    VELOCITY_SCALE,
+    held_out_error,
+    identification_record,
+)
 from mirte_drake.identification.recorded_run import RecordedRun, check_excitation
 from mirte_drake.identification.robot_validation import simulate_robot
 from mirte_drake.identification.validation import Validation
 from mirte_drake.model.drivetrain import BY_DIRECTION, DrivetrainParameters
 from mirte_drake.model.dynamic_model import DynamicParameters
-from mirte_drake.model.model_file import Identification
 from mirte_drake.model.robot_file import RobotFile
 
 STARTS = 3  # Of the final fit: the values below, and others around them.
@@ -152,21 +156,14 @@ def robot_file(
     return RobotFile(
         name="fitted",
         parameters=fit.parameters,
-        identification=Identification(
-            source=f"fitted to {run.source}, {len(run.time)} samples",
-            data_sha256=run.sha256,
-            date=date,
-            settings={
-                "structure": str(fit.structure),
-                "selection": f"{BLOCKS} blocks of the recording held out in turn",
-                "held_out_error": ", ".join(
-                    f"{structure}: {error:.4f}" for structure, error in fit.held_out_errors.items()
-                ),
-                "velocity_scale": ", ".join(f"{value:g}" for value in VELOCITY_SCALE),
-                "pull": f"{PULL:g}",
-                "starts": f"{STARTS}, seed {seed}",
-                "fixed": "mass, viscous friction, deadband, lag, delay",
-            },
+        identification=identification_record(
+            run,
+            date,
+            fit.structure,
+            fit.held_out_errors,
+            pull=f"{PULL:g}",
+            starts=f"{STARTS}, seed {seed}",
+            fixed="mass, viscous friction, deadband, lag, delay",
         ),
         scores={
             f"{label} {quantity}": round(float(value), 4)

@@ -1,8 +1,12 @@
 """How well a fit predicts what it has not seen: blocks of a recording held out in turn."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
+
+from mirte_drake.identification.recorded_run import RecordedRun
+from mirte_drake.model.model_file import Identification
 
 BLOCKS = 8  # Held out in turn.
 # [m/s, m/s, rad/s] Errors that count the same: twice what a good model leaves unexplained.
@@ -30,3 +34,34 @@ def held_out_error(
         squares.append(error(fit(fitted))[block] ** 2)
         on_fit()
     return float(np.mean(np.concatenate(squares)))
+
+
+def identification_record(
+    run: RecordedRun,
+    date: str,
+    structure: object,
+    held_out_errors: Mapping[Any, float],
+    **settings: str,
+) -> Identification:
+    """Returns what a file says of a fit whose structure was chosen by held-out samples.
+
+    Args:
+        run: The recording that it was fitted to.
+        date: ISO date.
+        structure: The one that was chosen.
+        held_out_errors: Error of each structure.
+        settings: More of the fit.
+    """
+    errors = (f"{structure}: {error:.4f}" for structure, error in held_out_errors.items())
+    return Identification(
+        source=f"fitted to {run.source}, {len(run.time)} samples",
+        data_sha256=run.sha256,
+        date=date,
+        settings={
+            "structure": str(structure),
+            "selection": f"{BLOCKS} blocks of the recording held out in turn",
+            "held_out_error": ", ".join(errors),
+            "velocity_scale": ", ".join(f"{value:g}" for value in VELOCITY_SCALE),
+            **settings,
+        },
+    )
