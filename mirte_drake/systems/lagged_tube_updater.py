@@ -65,22 +65,22 @@ class LaggedTubeUpdater(LeafSystem):
         - input_lower
         - input_upper
 
-    =====================  ===========  ==================  ======================================
-    port                   type         unit                meaning
-    =====================  ===========  ==================  ======================================
-    plan (in)              Plan         -                   its inputs are effective commands
-    state (in)             vector (6,)  model's             estimated
-    bias (in)              vector (3,)  [m/s, m/s, rad/s]   that the ancillary law takes off
-    calibrated_bound (in)  vector (3,)  [m/s, m/s, rad/s]   on the next innovation, over T_s; open:
-                                                            the config's
-    half_width             vector (6,)  model's             of a box within the tube around
-                                                            ``state``
-    error_bound            vector (6,)  robot's frame       of position (3) and velocity (3) in the
-                                                            tube
-    input_lower            vector (4N,) [pwm]               bounds per stage, by rows, that leave
-                                                            room for ancillary law and bias
-    input_upper            vector (4N,) [pwm]               the same
-    =====================  ===========  ==================  ======================================
+    =====================  =============  =================  =====================================
+    port                   type           unit               meaning
+    =====================  =============  =================  =====================================
+    plan (in)              Plan           -                  its inputs are effective commands
+    state (in)             vector (6,)    model's            estimated
+    bias (in)              vector (3,)    [m/s, m/s, rad/s]  that the ancillary law takes off
+    calibrated_bound (in)  vector (3,)    [m/s, m/s, rad/s]  on the next innovation, over T_s;
+                                                             open: the config's
+    half_width             vector (6,)    model's            of a box within the tube around
+                                                             ``state``
+    error_bound            vector (6,)    robot's frame      of position (3) and velocity (3) in
+                                                             the tube
+    input_lower            vector (4 N,)  [pwm]              bounds per stage, by rows, that
+                                                             leave room for ancillary law and bias
+    input_upper            vector (4 N,)  [pwm]              the same
+    =====================  =============  =================  =====================================
 
     State, every ``period`` s: the tube of the next sample, and the room for the ancillary law at
     each stage of a plan that begins there, both by the plan of this sample. No output has
