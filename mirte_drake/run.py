@@ -253,7 +253,9 @@ def successor_outside(log: dict[str, np.ndarray]) -> np.ndarray:
         return np.any(np.abs(error) > log["half_width"][1:] + ROUNDING, axis=1)
     predicted = np.hstack([log["nominal_next"], log["nominal_next_velocity"]])[:-1]
     errors = [tracking_error(*states) for states in zip(log["state"][1:], predicted, strict=True)]
-    outside = np.abs(errors).swapaxes(1, 2).reshape(len(errors), -1) > log["error_bound"][1:]
+    # What is logged after a sample's updates is the bound on the error of the next sample.
+    bound = log["error_bound"][:-1] + ROUNDING
+    outside = np.abs(errors).swapaxes(1, 2).reshape(len(errors), -1) > bound
     return np.any(outside, axis=1)
 
 

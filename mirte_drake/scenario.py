@@ -8,7 +8,7 @@ from typing import get_args
 
 import numpy as np
 
-from mirte_drake.checks import check_number, check_parts
+from mirte_drake.checks import check_array, check_number, check_parts
 from mirte_drake.control.reference_paths import RectanglePath
 from mirte_drake.errors import UserError
 from mirte_drake.files import read_text
@@ -165,6 +165,9 @@ class Scenario:
         """Checks that a coverage monitor has a set to watch, and a calibrated tube a monitor."""
         if self.coverage_monitor is not None and self.disturbance_bound is None:
             raise ValueError("coverage_monitor.disturbance_bound: must be given without a tube")
+        if self.coverage_monitor is not None:
+            bound = self.disturbance_bound
+            check_array("bound of the tube", bound, (POSE_SIZE,), minimum=1e-9)
         if self.lagged_tube is not None and self.lagged_tube.calibrated:
             if self.coverage_monitor is None:
                 raise ValueError("lagged_tube.calibrated: needs a coverage_monitor")

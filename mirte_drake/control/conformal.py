@@ -89,7 +89,7 @@ def adapt(settings: AdaptiveConformal, before: Calibration, score: float) -> Cal
     elif rate >= 1.0:
         scale = 0.0
     else:
-        rank = min(conformal_rank(len(scores), 1.0 - rate), len(scores))
+        rank = max(min(conformal_rank(len(scores), 1.0 - rate), len(scores)), 1)
         scale = float(np.partition(scores, rank - 1)[rank - 1])
         if conformal_rank(len(scores), settings.target) > len(scores):
             scale = max(scale, before.scale)  # So few scores are no reason to make it smaller.

@@ -16,7 +16,7 @@ Two shapes:
 ``modes``: a bound on the moduli of the error's coordinates in the eigenvectors T of A - B K. There
 the recursion (4-19) is exact, |z|+ <= |lambda| |z| + |T^-1 m| w_max + |T^-1 B| q_max, and stays as
 small as the eigenvalues allow, whereas |A - B K| of position and velocity may not even be stable.
-Not an approximation: what is bounded so never leaves the tube.
+Of the linear recursion above that is no approximation.
 
 ``ellipsoid``: P+ = (A - B K) P (A - B K)' + m m' w_max^2 + B B' q_max^2, the zero-order form of
 Zanelli, Frey, Messerer, Diehl (2021), which adds up what independent disturbances do; a direction

@@ -83,7 +83,8 @@ class LaggedTubeUpdater(LeafSystem):
     =====================  =============  =================  =====================================
 
     State, every ``period`` s: the tube of the next sample, and the room for the ancillary law at
-    each stage of a plan that begins there, both by the plan of this sample. No output has
+    each stage of a plan that begins there, both by the plan that is held
+    when it begins, that of the sample before. No output has
     feedthrough from ``plan`` or ``calibrated_bound``.
 
     Raises:
