@@ -35,6 +35,7 @@ def watch(
     *,
     background: str = "light",
     ready: Callable[[], bool] = lambda: True,
+    check: Callable[[], object] = lambda: None,
 ) -> KeptTime:
     """Runs a scenario at the pace of the clock until somebody stops it.
 
@@ -45,6 +46,7 @@ def watch(
         meshcat: Where to draw, and whose page gets the controls.
         background: "light" or "dark".
         ready: Whether to go on; asked before each picture. While it is not, the robot waits.
+        check: Called at each look at the controls; what it raises ends the run.
 
     Raises:
         ValueError: when the scenario cannot be built; UserError is one.
@@ -59,6 +61,7 @@ def watch(
     frame, restarts, now = 0, 0, 0.0
     speed = 0.0  # No speed: it stands still, and has to take up its pace anew.
     while not (wish := controls.read()).stop:
+        check()
         if wish.restarts > restarts:
             simulator.reset_context(diagram.CreateDefaultContext())
             _begin(simulator)

@@ -32,6 +32,7 @@ def watch(
     speed and disturbance, push the robot, begin anew and stop; Ctrl-C stops, too.
     """
     from mirte_drake.live import watch as watch_scenario
+    from mirte_drake.pacing import WireStopped, interruption
     from mirte_drake.scenario import load_scenario
     from mirte_drake.visualization.meshcat_server import local_meshcat
 
@@ -41,13 +42,16 @@ def watch(
     meshcat = local_meshcat(port, show_rate=True)
     click.echo(f"Open {meshcat.web_url()} in a browser; Ctrl-C stops.")
     try:
-        pace = watch_scenario(
-            scenario,
-            meshcat,
-            background="dark" if dark else "light",
-            ready=lambda: meshcat.GetNumActiveConnections() > 0,
-        )
-    except KeyboardInterrupt:
+        # A KeyboardInterrupt that comes while code is loaded can get lost.
+        with interruption() as check:
+            pace = watch_scenario(
+                scenario,
+                meshcat,
+                background="dark" if dark else "light",
+                ready=lambda: meshcat.GetNumActiveConnections() > 0,
+                check=check,
+            )
+    except WireStopped:
         click.echo("Stopped.")
         return
     click.echo(f"Stopped after {pace.simulated:.1f} s at {pace.rate:.2f} of the wanted speed.")
