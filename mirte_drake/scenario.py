@@ -91,7 +91,7 @@ class Scenario:
     inversion_tube_updater: InversionTubeUpdaterConfig | None = None
     # null: nobody watches how often the disturbance set holds the one-step error.
     coverage_monitor: CoverageMonitorConfig | None = None
-    # With a lagged prediction model, and only then, in place of the two above.
+    # With a lagged prediction model, and only then, in place of ancillary law and tube.
     state_estimator: StateEstimatorConfig | None = None
     ancillary_lagged: AncillaryLaggedConfig | None = None
     lagged_tube: LaggedTubeConfig | None = None  # null: the plan begins at the estimated state.
@@ -124,8 +124,9 @@ class Scenario:
         elif isinstance(self.reference, VelocitySetpointConfig):
             raise ValueError("duration: must be given [s], a velocity setpoint has no end")
         check_parts(self)
-        self._check_kind_of_controller()
-        self._check_parts_of_the_model(isinstance(model, LaggedModel))
+        lagged = isinstance(model, LaggedModel)
+        self._check_kind_of_controller(lagged)
+        self._check_parts_of_the_model(lagged)
         self._check_monitor()
         for tube, law in _TUBES.items():
             if getattr(self, tube) is not None and getattr(self, law) is None:
@@ -136,13 +137,18 @@ class Scenario:
                 "tube_updater to null"
             )
 
-    def _check_kind_of_controller(self) -> None:
+    def _check_kind_of_controller(self, lagged: bool) -> None:
         """Checks that a controller that does not plan has no parts of one that does."""
         if self.controller is None:
             return
+        kind = type(self.controller).__name__
+        if lagged:
+            raise ValueError(
+                f"prediction_model: {self.prediction_model!r} is a lagged one, which controller "
+                f"{kind} cannot have; use extended_kinematic"
+            )
         for field in (*_TUBES.values(), *_TUBES, "state_estimator", "coverage_monitor"):
             if getattr(self, field) is not None:
-                kind = type(self.controller).__name__
                 raise ValueError(f"{field}: must be null with controller {kind}")
 
     def _check_parts_of_the_model(self, lagged: bool) -> None:
@@ -163,14 +169,31 @@ class Scenario:
 
     def _check_monitor(self) -> None:
         """Checks that a coverage monitor has a set to watch, and a calibrated tube a monitor."""
-        if self.coverage_monitor is not None and self.disturbance_bound is None:
-            raise ValueError("coverage_monitor.disturbance_bound: must be given without a tube")
         if self.coverage_monitor is not None:
-            bound = self.disturbance_bound
-            check_array("bound of the tube", bound, (POSE_SIZE,), minimum=1e-9)
-        if self.lagged_tube is not None and self.lagged_tube.calibrated:
-            if self.coverage_monitor is None:
-                raise ValueError("lagged_tube.calibrated: needs a coverage_monitor")
+            watched = self._watched_set()
+            if watched is None:
+                raise ValueError("coverage_monitor.disturbance_bound: must be given without a tube")
+            check_array(*watched, (POSE_SIZE,), minimum=1e-9)
+        elif self.lagged_tube is not None and self.lagged_tube.calibrated:
+            raise ValueError("lagged_tube.calibrated: needs a coverage_monitor")
+
+    def _watched_set(self) -> tuple[str, np.ndarray] | None:
+        """Returns the field of the set that a coverage monitor watches, and its half-widths (3,).
+
+        Of a lag-aware tube they are [m, m, rad], of innovations; else [m/s, m/s, rad/s].
+        """
+        monitor = self.coverage_monitor
+        if monitor is not None and monitor.disturbance_bound is not None:
+            return "coverage_monitor.disturbance_bound", monitor.disturbance_bound
+        if self.lagged_tube is not None:
+            return "lagged_tube.innovation_bound", self.lagged_tube.innovation_bound
+        for field, tube in (
+            ("tube_updater", self.tube_updater),
+            ("inversion_tube_updater", self.inversion_tube_updater),
+        ):
+            if tube is not None:
+                return f"{field}.disturbance_bound", tube.disturbance_bound
+        return None
 
     @property
     def disturbance_bound(self) -> np.ndarray | None:
@@ -179,15 +202,11 @@ class Scenario:
         Where it names none, that of the tube; of a lag-aware one the bound on innovations, over
         the period. None: there is neither.
         """
-        if (
-            self.coverage_monitor is not None
-            and self.coverage_monitor.disturbance_bound is not None
-        ):
-            return self.coverage_monitor.disturbance_bound
-        if self.lagged_tube is not None:
-            return self.lagged_tube.innovation_bound / self.period
-        tube = self.tube_updater or self.inversion_tube_updater
-        return None if tube is None else tube.disturbance_bound
+        watched = self._watched_set()
+        if watched is None:
+            return None
+        field, bound = watched
+        return bound / self.period if field == "lagged_tube.innovation_bound" else bound
 
     @property
     def has_tube(self) -> bool:

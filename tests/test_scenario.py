@@ -119,6 +119,11 @@ def test_a_delay_is_the_estimators_or_the_models():
             ["lagged_tube=null", "coverage_monitor={}"],
             "coverage_monitor.disturbance_bound: must be given without a tube",
         ),
+        (["controller=!PosePidConfig {}"], "prediction_model: 'lagged' is a lagged one, which con"),
+        (
+            ["lagged_tube.innovation_bound=[0, 0, 0]"],
+            "lagged_tube.innovation_bound: every entry must be",
+        ),
         (["lagged_tube.shape=box"], "lagged_tube.shape: must be one of"),
     ],
 )

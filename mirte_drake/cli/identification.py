@@ -97,9 +97,9 @@ def _identify_lagged(data: Path | None, figures: Path | None, output: Path) -> N
     from mirte_drake.identification.fit_lagged import (
         fit_lagged,
         fit_steps,
-        fit_text,
         lagged_model_file,
     )
+    from mirte_drake.identification.held_out import held_out_text
     from mirte_drake.model.equations import equations_text
     from mirte_drake.model.model_file import save_model_file
 
@@ -110,7 +110,7 @@ def _identify_lagged(data: Path | None, figures: Path | None, output: Path) -> N
     save_model_file(model, output)
     if figures:
         _save_training_figures(run, "converged", figures)
-    click.echo(fit_text(fit), err=True)
+    click.echo(held_out_text(fit.structure, fit.held_out_errors), err=True)
     click.echo(equations_text(model))
     for name, score in model.training_scores.items():
         click.echo(f"{name.replace('_', ' ')}: {score:.4f}", err=True)

@@ -35,8 +35,9 @@ def fit_robot(
     Prints the error of held-out blocks for each structure tried, and the RMSE of open-loop
     simulation over all recordings given, velocities as means over a sample.
     """
-    from mirte_drake.identification.fit_robot import STRUCTURES, fit_steps, fit_text, robot_file
+    from mirte_drake.identification.fit_robot import STRUCTURES, fit_steps, robot_file
     from mirte_drake.identification.fit_robot import fit_robot as fit_to
+    from mirte_drake.identification.held_out import held_out_text
     from mirte_drake.identification.reports import validation_text
     from mirte_drake.identification.robot_validation import validate_robot
     from mirte_drake.model.fleet import fleet_files
@@ -59,6 +60,6 @@ def fit_robot(
     if fleet:
         for variation in fleet_files(content):
             save_robot_file(variation, fleet / f"{variation.name}.yaml")
-    click.echo(fit_text(fit))
+    click.echo(held_out_text(fit.structure, fit.held_out_errors))
     click.echo(validation_text(scores))
     click.echo(f"Written to {output}" + (f" and {fleet}" if fleet else ""))

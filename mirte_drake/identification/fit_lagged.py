@@ -130,16 +130,6 @@ def lagged_model_file(fit: LaggedFit, run: RecordedRun, *, date: str = "") -> Mo
     )
 
 
-def fit_text(fit: LaggedFit) -> str:
-    """Returns the held-out errors as a table; a star marks the structure that was taken."""
-    width = max(len(str(structure)) for structure in fit.held_out_errors)
-    lines = [f"{'structure':{width}}{'held-out error':>16}"]
-    for structure, error in fit.held_out_errors.items():
-        star = " *" if structure == fit.structure else ""
-        lines.append(f"{structure!s:{width}}{error:16.4f}{star}")
-    return "\n".join(lines)
-
-
 def mean_velocities(model: LaggedModel, run: RecordedRun) -> np.ndarray:
     """Returns the model's body velocity (N, 3), each row the mean over the sample before it.
 

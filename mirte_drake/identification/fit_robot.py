@@ -173,16 +173,6 @@ def robot_file(
     )
 
 
-def fit_text(fit: RobotFit) -> str:
-    """Returns the held-out errors as a table; a star marks the structure that was taken."""
-    width = max(len(str(structure)) for structure in fit.held_out_errors)
-    lines = [f"{'structure':{width}}{'held-out error':>16}"]
-    for structure, error in fit.held_out_errors.items():
-        star = " *" if structure == fit.structure else ""
-        lines.append(f"{structure!s:{width}}{error:16.4f}{star}")
-    return "\n".join(lines)
-
-
 class _Problem:
     """Least squares over the logarithms of the parameters."""
 

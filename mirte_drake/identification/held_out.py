@@ -65,3 +65,13 @@ def identification_record(
             **settings,
         },
     )
+
+
+def held_out_text(structure: object, held_out_errors: Mapping[Any, float]) -> str:
+    """Returns the held-out errors as a table; a star marks the structure that was taken."""
+    width = max(len(str(each)) for each in held_out_errors)
+    lines = [f"{'structure':{width}}{'held-out error':>16}"]
+    for each, error in held_out_errors.items():
+        star = " *" if each == structure else ""
+        lines.append(f"{each!s:{width}}{error:16.4f}{star}")
+    return "\n".join(lines)

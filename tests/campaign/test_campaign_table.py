@@ -35,7 +35,7 @@ GOOD = Outcome(
     successor_violations=5,
     true_violations=11,
 )
-TODO = [*(Trial(SLIPPERY, seed) for seed in range(3)), *(Trial(DRY, seed) for seed in range(6))]
+TRIALS = [*(Trial(SLIPPERY, seed) for seed in range(3)), *(Trial(DRY, seed) for seed in range(6))]
 RESULTS = [
     dc.replace(GOOD, lost=True, true_x_m=2.0, **NONE),
     Failure('it said: "no",\nand left'),
@@ -46,7 +46,7 @@ RESULTS = [
 
 @pytest.fixture
 def saved(tmp_path):
-    save_tables(rows(VARIED, TODO, RESULTS), VARIED, summarise_cells(TODO, RESULTS), tmp_path)
+    save_tables(rows(VARIED, TRIALS, RESULTS), VARIED, summarise_cells(TRIALS, RESULTS), tmp_path)
     return tmp_path
 
 
@@ -55,7 +55,7 @@ def test_every_run_is_a_row_of_the_csv_file(saved):
         table = list(csv.DictReader(file))
     assert len(table) == 9
     assert list(table[0])[:4] == ["scenario", "robot.floor_friction", "seed", "error"]
-    for trial, result, row in zip(TODO, RESULTS, table, strict=True):
+    for trial, result, row in zip(TRIALS, RESULTS, table, strict=True):
         assert row["scenario"] == "circle" and row["seed"] == str(trial.seed)
         assert row["robot.floor_friction"] == trial.cell.values[0]
         for key, value in dc.asdict(result).items():
@@ -71,7 +71,7 @@ def test_the_parquet_file_has_the_same_rows_with_their_types(saved):
     assert kinds["robot.floor_friction"] == kinds["error"] == "string"
     assert kinds["seed"] == kinds["true_violations"] == kinds["samples"] == "int64"
     assert kinds["x_m"] == "double" and kinds["lost"] == "bool"
-    np.testing.assert_equal(table.to_pylist(), rows(VARIED, TODO, RESULTS))
+    np.testing.assert_equal(table.to_pylist(), rows(VARIED, TRIALS, RESULTS))
 
 
 def test_the_summary_has_every_cell(saved):
@@ -89,7 +89,7 @@ def test_the_summary_has_every_cell(saved):
 
 
 def test_the_text_by_hand():
-    head, slippery, dry = summary_text(VARIED, summarise_cells(TODO, RESULTS)).splitlines()
+    head, slippery, dry = summary_text(VARIED, summarise_cells(TRIALS, RESULTS)).splitlines()
     assert head.split()[:5] == ["scenario", "floor_friction", "runs", "failed", "lost"]
     assert slippery.split() == "circle 0.1 3 1 1 - 5 6 1.50 25.0 - -".split()
     assert dry.split()[:5] == ["circle", "0.8", "6", "0", "0"]
@@ -101,7 +101,7 @@ def test_the_text_by_hand():
 def test_tables_do_not_change_a_bit(saved, tmp_path):
     again = tmp_path / "again"
     again.mkdir()
-    save_tables(rows(VARIED, TODO, RESULTS), VARIED, summarise_cells(TODO, RESULTS), again)
+    save_tables(rows(VARIED, TRIALS, RESULTS), VARIED, summarise_cells(TRIALS, RESULTS), again)
     for name in TABLE_FILES:
         if (saved / name).exists():
             assert (again / name).read_bytes() == (saved / name).read_bytes()
@@ -109,5 +109,5 @@ def test_tables_do_not_change_a_bit(saved, tmp_path):
 
 def test_without_pyarrow_there_is_no_parquet_file(tmp_path, monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    save_tables(rows(VARIED, TODO, RESULTS), VARIED, summarise_cells(TODO, RESULTS), tmp_path)
+    save_tables(rows(VARIED, TRIALS, RESULTS), VARIED, summarise_cells(TRIALS, RESULTS), tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {"runs.csv", "summary.json"}

@@ -8,10 +8,10 @@ from mirte_drake.identification.fit_lagged import (
     Structure,
     fit_lagged,
     fit_steps,
-    fit_text,
     lagged_model_file,
     mean_velocities,
 )
+from mirte_drake.identification.held_out import held_out_text
 from mirte_drake.identification.recorded_run import RecordedRun, load_recorded_run
 from mirte_drake.identification.synthetic_recording import SyntheticRecordingConfig, recording_of
 from mirte_drake.identification.validation import delayed, validate_model
@@ -49,7 +49,7 @@ def test_recovers_a_known_model_and_its_structure():
     np.testing.assert_allclose(found.lag, KNOWN.lag, rtol=0.02)
     assert found.deadband == pytest.approx(KNOWN.deadband, abs=0.1)
     assert np.all(fit.velocity_rmse < [2e-3, 2e-3, 5e-3])
-    assert fit_text(fit).count("*") == 1
+    assert held_out_text(fit.structure, fit.held_out_errors).count("*") == 1
 
 
 def test_mean_velocities_are_those_of_the_step():

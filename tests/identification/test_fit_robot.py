@@ -10,9 +10,9 @@ from mirte_drake.identification.fit_robot import (
     Structure,
     fit_robot,
     fit_steps,
-    fit_text,
     robot_file,
 )
+from mirte_drake.identification.held_out import held_out_text
 from mirte_drake.identification.recorded_run import RecordedRun, load_recorded_run
 from mirte_drake.identification.robot_validation import simulate_robot, validate_robot
 from mirte_drake.model.drivetrain import DrivetrainParameters
@@ -129,8 +129,12 @@ def test_validation_measures_the_distance_to_the_recording():
 
 def test_text_marks_what_was_chosen():
     fit = fit_robot(recording(rows=90), (SIMPLE,))
-    assert fit_text(fit).splitlines()[1].startswith("gain by robot, friction by robot")
-    assert fit_text(fit).splitlines()[1].endswith("*")
+    assert (
+        held_out_text(fit.structure, fit.held_out_errors)
+        .splitlines()[1]
+        .startswith("gain by robot, friction by robot")
+    )
+    assert held_out_text(fit.structure, fit.held_out_errors).splitlines()[1].endswith("*")
 
 
 def test_file_tells_where_the_numbers_come_from():
