@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from mirte_drake.control.waypoint_path import WaypointPath
-from mirte_drake.run import save_run, simulate, summarise
+from mirte_drake.run import simulate
+from mirte_drake.run_summary import save_run, summarise
 from mirte_drake.scenario import Scenario, load_scenario
 from mirte_drake.visualization.figures import save_figures
 

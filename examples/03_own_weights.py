@@ -15,7 +15,8 @@ Prints:
 
 import numpy as np
 
-from mirte_drake.run import simulate, summarise
+from mirte_drake.run import simulate
+from mirte_drake.run_summary import summarise
 from mirte_drake.scenario import load_scenario
 
 CHOICES = {

@@ -11,7 +11,8 @@ Prints:
 """
 
 from mirte_drake.robots.names import robot_override
-from mirte_drake.run import simulate, summarise
+from mirte_drake.run import simulate
+from mirte_drake.run_summary import summarise
 from mirte_drake.scenario import load_scenario
 
 

@@ -18,7 +18,8 @@ from mirte_drake.identification.fit_sindyc import identify
 from mirte_drake.identification.synthetic_recording import synthetic_recording
 from mirte_drake.identification.validation import validate_model
 from mirte_drake.model.model_file import load_model, save_model_file
-from mirte_drake.run import simulate, summarise
+from mirte_drake.run import simulate
+from mirte_drake.run_summary import summarise
 from mirte_drake.scenario import load_scenario
 
 STATES = ("x", "y", "theta")

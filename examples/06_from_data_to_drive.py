@@ -27,7 +27,8 @@ from mirte_drake.identification.fit_sindyc import identify
 from mirte_drake.identification.recorded_run import RecordedRun
 from mirte_drake.identification.validation import validate_model
 from mirte_drake.model.model_file import load_model, save_model_file
-from mirte_drake.run import save_run, simulate
+from mirte_drake.run import simulate
+from mirte_drake.run_summary import save_run
 from mirte_drake.scenario import load_scenario
 
 ROBOT = "robot=!MultibodyRobotConfig {motors: drifting}"

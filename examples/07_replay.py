@@ -11,7 +11,8 @@ import sys
 from pathlib import Path
 
 from mirte_drake.replay import write_replay
-from mirte_drake.run import save_run, simulate
+from mirte_drake.run import simulate
+from mirte_drake.run_summary import save_run
 from mirte_drake.scenario import load_scenario
 
 FILE = Path(__file__).with_name("own_path.scenario.yaml")

@@ -19,7 +19,7 @@ import numpy as np
 
 from mirte_drake.drive import drive
 from mirte_drake.hardware.messages import GuardStatus
-from mirte_drake.run import summarise
+from mirte_drake.run_summary import summarise
 from mirte_drake.scenario import load_scenario
 from mirte_drake.wire_session import wire_to
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mirte_drake.angles import pose_error
+from mirte_drake.containment import of_plans, of_successors
 from mirte_drake.model.candidate_library import COS, SIN, term_name
 from mirte_drake.model.sparse_model import SparseModel
 from mirte_drake.run import Run, simulate
@@ -58,11 +58,8 @@ def play(scenario: Scenario, w: np.ndarray) -> Run:
 
 def closeness(run: Run) -> np.ndarray:
     """Returns |x_{k+1} - xbar_{k+1}| / d_{k+1} (K - 1, 3): above 1 the successor has left."""
-    return np.abs(_successor_error(run)) / run.log["half_width"][1:]
-
-
-def _successor_error(run: Run) -> np.ndarray:
-    return pose_error(run.log["pose"][1:], run.log["nominal_next"][:-1])
+    successors = of_successors(run.log)
+    return np.abs(successors.error) / successors.bound
 
 
 def gradient(run: Run, axis: int | None = None) -> np.ndarray:
@@ -78,9 +75,9 @@ def gradient(run: Run, axis: int | None = None) -> np.ndarray:
     """
     log = run.log
     by_error, by_disturbance = _jacobians(run)
-    error = np.abs(pose_error(log["pose"], log["nominal_pose"]))
+    error = np.abs(of_plans(log).error)
     free = error < log["half_width"] - PINNED
-    ratio, sign = closeness(run), np.sign(_successor_error(run))
+    ratio, sign = closeness(run), np.sign(of_successors(log).error)
     result, by_successor = np.zeros_like(log["disturbance"]), np.zeros(POSE_SIZE)
     for k in reversed(range(len(ratio))):
         i = np.argmax(ratio[k]) if axis is None else axis

@@ -18,7 +18,7 @@ from mirte_drake.campaign.outcome import Failure, Outcome
 from mirte_drake.campaign.statistics import summarise_cells
 from mirte_drake.files import replacing
 from mirte_drake.robots.names import robot_override
-from mirte_drake.run import versions
+from mirte_drake.run_summary import versions
 
 SCENARIOS = tuple(
     f"{prefix}{path}"

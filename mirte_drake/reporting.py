@@ -9,10 +9,11 @@ import numpy as np
 
 from mirte_drake.assembly import MakeDiagram
 from mirte_drake.campaign.outcome import oscillation, saturation
+from mirte_drake.containment import of_successors
 from mirte_drake.errors import UserError
 from mirte_drake.files import read_text
 from mirte_drake.robots.names import robot_name
-from mirte_drake.run import REPLAY_FILE, RUN_FILES
+from mirte_drake.run_summary import REPLAY_FILE, RUN_FILES
 from mirte_drake.scenario import Scenario, load_scenario
 from mirte_drake.systems.pose_lqr import PoseLqrConfig
 from mirte_drake.systems.pose_pid import PosePidConfig
@@ -47,7 +48,8 @@ def load_run(folder: Path) -> ReportedRun:
         description=scenario.description,
         robot=robot_name(scenario.robot),
         controller=_controller_name(scenario),
-        tube=scenario.has_tube,
+        tube=of_successors(arrays) if scenario.has_tube else None,
+        why_outside=_why_outside(scenario),
         period=scenario.period,
         input_limit=scenario.input_limit,
         scenario=read_text(scenario_file),
@@ -66,6 +68,15 @@ def _controller_name(scenario: Scenario) -> str:
         case PoseLqrConfig():
             return "pose LQR"
     return "tube NMPC" if scenario.has_tube else "baseline NMPC"
+
+
+def _why_outside(scenario: Scenario) -> str:
+    """Returns why a sample may leave the tube of a scenario."""
+    if scenario.tube_updater is not None:
+        return "the tube bounds the linearised error, so it may happen"
+    if scenario.lagged_tube is not None and scenario.lagged_tube.shape == "ellipsoid":
+        return "the ellipsoid adds up independent errors, so it may happen"
+    return "it happens where the robot does more than the tube assumes"
 
 
 def save_report(folder: Path, path: Path | None = None) -> Path:

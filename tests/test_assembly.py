@@ -14,6 +14,7 @@ from mirte_drake.assembly import (
     MakeDiagram,
 )
 from mirte_drake.control.inversion_tube import propagate_inversion_tube, required_room
+from mirte_drake.control.lagged_tube import ModeTube, input_room, lagged_loop
 from mirte_drake.control.pid import PidGains, PidMemory, pid_step, reference_velocity
 from mirte_drake.control.plan import Plan, SolveStatus
 from mirte_drake.control.reference_paths import CirclePath
@@ -188,6 +189,12 @@ def test_preview_beyond_the_horizon_names_the_controller(config):
         MakeDiagram(dc.replace(BASELINE, controller=config))
 
 
+def test_a_lagged_model_that_hardly_lags_is_named():
+    message = r"^prediction_model: lagged: lag: must be at least 0.165 s, .* got 0.153"
+    with pytest.raises(UserError, match=message):
+        MakeDiagram(load_scenario("lagged_rectangle", ["period=1.1"]))
+
+
 def test_a_lagged_controllers_monitor_judges_the_innovation_and_its_bound_reaches_the_tube():
     settings = ["lagged_tube.calibrated=true", "coverage_monitor={window: 5}"]
     scenario = load_scenario("lagged_rectangle", settings)
@@ -197,10 +204,41 @@ def test_a_lagged_controllers_monitor_judges_the_innovation_and_its_bound_reache
     bounds = read_at_samples(Simulator(MakeDiagram(fixed)), 12, "error_bound")
     for innovation, error, _, _ in rows:
         np.testing.assert_allclose(error, innovation / 0.1)
+    assert np.all(np.isnan(rows[0][0]))
     first = scenario.lagged_tube.innovation_bound / 0.1
     assert any(not np.allclose(bound, first) for _, _, bound, _ in rows)
-    np.testing.assert_allclose(rows[1][-1], bounds[1][0])  # Both begin with the given bound.
+    np.testing.assert_allclose(rows[0][-1], bounds[0][0])  # Both begin with the given bound.
     assert not np.allclose(rows[-1][-1], bounds[-1][0])
+
+
+def test_a_lagged_tube_follows_plan_and_calibrated_bound_of_its_own_sample():
+    settings = ["lagged_tube.calibrated=true", "coverage_monitor={window: 5}"]
+    scenario = load_scenario("lagged_turning_circle", settings)
+    model = load_prediction_model(scenario)
+    lag, limit = model.parameters.lag, model.effective_limit(100.0)
+    gains, observer = scenario.ancillary_lagged.gains(lag, 0.1), scenario.state_estimator
+    loop = lagged_loop(lag, 0.1, gains, observer.gains(lag, 0.1), observer.delay)
+    G = model.effective().steady_velocity_jacobian(np.zeros(4))
+    tube = ModeTube(loop, np.abs(G) @ (0.5 * model.wheel_shares.max(axis=0)))
+    widths, turns, upper = tube.start(), [], None
+    rows = read_at_samples(
+        Simulator(MakeDiagram(scenario)), 20, "plan", "bias", "calibrated_bound", "error_bound"
+    )
+    for plan, bias, bound, error_bound in rows:
+        shift = np.linalg.pinv(G) @ bias
+        if upper is not None:
+            for given, room in zip(plan.data.input_upper, upper, strict=True):
+                np.testing.assert_allclose(given, np.minimum(limit, shift + room), rtol=1e-9)
+        turn, velocities = np.diff(plan.states[:, 2]), plan.inputs @ G.T
+        widths = tube.advance(widths, turn[0], 0.1 * bound)
+        np.testing.assert_allclose(error_bound, tube.components(widths).T.ravel(), rtol=1e-9)
+        following, upper = widths, []
+        for stage in [*range(1, len(turn)), len(turn) - 1]:  # The last one is held.
+            room = input_room(tube, following, gains, velocities[stage], np.linalg.pinv(G))
+            upper.append(np.maximum(limit - room, 0.0))
+            following = tube.advance(following, turn[stage], 0.1 * bound)
+        turns.append(turn[0])
+    assert np.ptp(turns) > 0.01  # So that a plan of another sample would show.
 
 
 @pytest.mark.parametrize("scenario", [TURNING, WATCHED, PID, LQR])
@@ -212,7 +250,8 @@ def test_controller_has_no_feedthrough(scenario):
         for o, output in enumerate(output_names(controller))
         if controller.HasDirectFeedthrough(i, o)
     }
-    assert direct <= {"reached"}  # What the law could do for the pose of that instant.
+    # What the law could do for the pose of that instant, and the set once its error counts.
+    assert direct <= {"reached", "calibrated_bound"}
 
 
 def test_systems_are_named():

@@ -1,5 +1,6 @@
 from mirte_drake.cli.simulation import summary_table
-from mirte_drake.run import simulate, summarise
+from mirte_drake.run import simulate
+from mirte_drake.run_summary import summarise
 from mirte_drake.scenario import load_scenario
 
 

@@ -14,7 +14,8 @@ from mirte_drake.hardware.messages import GuardStatus
 from mirte_drake.hardware.wire_config import LcmWireConfig, open_link
 from mirte_drake.identification.bag_file import load_bag
 from mirte_drake.identification.csv_file import load_csv
-from mirte_drake.run import simulate, summarise
+from mirte_drake.run import simulate
+from mirte_drake.run_summary import summarise
 from mirte_drake.scenario import load_scenario
 
 # One after the other: they run in real time, in several processes each.

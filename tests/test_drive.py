@@ -7,7 +7,8 @@ from mirte_drake.collect import collect_scenario
 from mirte_drake.control.excitation import ExcitationConfig
 from mirte_drake.drive import collect_over_wire, drive
 from mirte_drake.robots.lcm_robot import LcmRobotConfig
-from mirte_drake.run import simulate, summarise
+from mirte_drake.run import simulate
+from mirte_drake.run_summary import summarise
 from mirte_drake.scenario import load_scenario
 
 SESSION = 77

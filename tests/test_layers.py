@@ -9,7 +9,7 @@ PACKAGE = Path(mirte_drake.__file__).parent
 
 # Each layer may import those before it, and itself.
 LAYERS = [
-    {"", "errors", "compiled", "vectors", "angles", "geometry", "frames"}
+    {"", "errors", "compiled", "vectors", "sampling", "angles", "geometry", "frames"}
     | {"checks", "files", "typed_yaml"},
     {"model"},
     {"control"},
@@ -19,7 +19,9 @@ LAYERS = [
     {"scenario"},
     {"controllers", "robot_assembly"},
     {"assembly"},
-    {"run", "collect", "pacing", "drive", "drive_recorder", "wire_session", "stand_in"},
+    {"containment"},
+    {"run", "run_summary", "collect", "pacing"}
+    | {"drive", "drive_recorder", "wire_session", "stand_in"},
     {"replay", "live", "live_view"},
     {"benchmark", "campaign", "comparison", "faults", "doctor", "adversary"},
     {"reporting", "thesis"},

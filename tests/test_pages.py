@@ -8,7 +8,8 @@ import pytest
 from mirte_drake.live import watch
 from mirte_drake.replay import load_run, run_page
 from mirte_drake.robots.names import robot_override
-from mirte_drake.run import save_run, simulate
+from mirte_drake.run import simulate
+from mirte_drake.run_summary import save_run
 from mirte_drake.scenario import load_scenario
 from mirte_drake.visualization.live_disturbance import PUSH_BUTTON
 from mirte_drake.visualization.meshcat_server import local_meshcat

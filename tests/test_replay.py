@@ -21,7 +21,8 @@ from mirte_drake.replay import (
     write_replay,
 )
 from mirte_drake.run import samples as samples_of
-from mirte_drake.run import save_run, simulate
+from mirte_drake.run import simulate
+from mirte_drake.run_summary import save_run
 from mirte_drake.scenario import load_scenario
 
 LIMIT = 5_000_000  # Bytes.

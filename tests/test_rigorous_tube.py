@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from mirte_drake.adversary import closeness, search_disturbance
-from mirte_drake.run import Run, simulate, summarise
+from mirte_drake.run import Run, simulate
+from mirte_drake.run_summary import summarise
 from mirte_drake.scenario import load_scenario
 
 W_MAX = np.array([0.04, 0.03, 0.09])

@@ -15,7 +15,8 @@ from mirte_drake.control.tracking_problem import cost_and_gradient
 from mirte_drake.control.tube import rotated_bound
 from mirte_drake.errors import UserError
 from mirte_drake.model.model_file import load_model
-from mirte_drake.run import Run, save_run, simulate, summarise
+from mirte_drake.run import Run, simulate
+from mirte_drake.run_summary import save_run, summarise
 from mirte_drake.scenario import load_scenario
 from mirte_drake.systems.wheel_command_limiter import limit_wheel_command
 

@@ -24,7 +24,8 @@ from sphinx.util.docutils import SphinxDirective
 from mirte_drake.identification.synthetic_recording import synthetic_recording
 from mirte_drake.model.model_file import load_model, load_model_file
 from mirte_drake.replay import write_replay
-from mirte_drake.run import Run, save_run, simulate
+from mirte_drake.run import Run, simulate
+from mirte_drake.run_summary import save_run
 from mirte_drake.scenario import load_scenario
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -10,7 +10,7 @@ from mirte_drake.benchmark.measure import PAUSE, Measurement, percentiles
 from mirte_drake.benchmark.scaling import Scaling, crossover, growth_exponent
 from mirte_drake.benchmark.solvers import BASELINE, has_casadi
 from mirte_drake.benchmark.study import Benchmark
-from mirte_drake.run import versions
+from mirte_drake.run_summary import versions
 
 REPORT_FILE = "benchmark.json"
 

@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 
 from mirte_drake.angles import pose_error
-from mirte_drake.run import ROUNDING, Run, simulate, summarise
+from mirte_drake.containment import ROUNDING, of_true_poses
+from mirte_drake.run import Run, simulate
+from mirte_drake.run_summary import summarise
 from mirte_drake.scenario import Scenario
 from mirte_drake.vectors import YAW
 
@@ -48,6 +50,11 @@ class Outcome:
     # The true pose is outside the tube around the nominal one of that time; the first ``delay``
     # samples have none.
     true_violations: int | None
+    # One-step errors that a coverage monitor judged, and of them, those that were not in the set in
+    # use, and not in the calibrated one.
+    errors: int | None
+    in_use_misses: int | None
+    calibrated_misses: int | None
 
     @property
     def measured_inside(self) -> float:
@@ -58,6 +65,16 @@ class Outcome:
     def true_inside(self) -> float:
         """Share of samples in which the true pose is in the tube; NaN without one."""
         return _share_inside(self.true_violations, self.samples - self.delay)
+
+    @property
+    def in_use_coverage(self) -> float:
+        """Share of one-step errors that the set in use holds; NaN without a monitor."""
+        return _share_inside(self.in_use_misses, self.errors or 0)
+
+    @property
+    def calibrated_coverage(self) -> float:
+        """Share of one-step errors that the calibrated set holds; NaN without a monitor."""
+        return _share_inside(self.calibrated_misses, self.errors or 0)
 
     @property
     def successor_inside(self) -> float:
@@ -107,21 +124,27 @@ def outcome(run: Run) -> Outcome:
         input_violations=summary.get("input_violations"),
         rate_violations=summary.get("rate_violations"),
         **_tube_violations(run, summary),
+        **_misses(summary.get("coverage")),
     )
 
 
 def _tube_violations(run: Run, summary: Mapping[str, Any]) -> dict[str, Any]:
     if not run.scenario.has_tube:
         return {"tube_violations": None, "successor_violations": None, "true_violations": None}
-    log, late = run.log, run.scenario.delay
-    known = len(log["time"]) - late
-    deviation = np.abs(pose_error(log["true_pose"][late:], log["nominal_pose"][:known]))
-    half_width = log["half_width"][:known]
     return {
         "tube_violations": summary["tube_violations"],
         "successor_violations": summary["successor_violations"],
-        "true_violations": int(np.sum(np.any(deviation > half_width + ROUNDING, axis=1))),
+        "true_violations": of_true_poses(run.log, run.scenario.delay).violations,
     }
+
+
+def _misses(coverage: Mapping[str, Any] | None) -> dict[str, Any]:
+    errors = None if coverage is None else coverage["errors"]
+    misses = {"errors": errors}
+    for key in ("in_use", "calibrated"):
+        held = coverage[key] if coverage is not None and errors else None
+        misses[f"{key}_misses"] = errors if held is None else round((1.0 - held) * errors)
+    return misses
 
 
 def saturation(commands: np.ndarray, limit: float) -> float:
@@ -152,4 +175,4 @@ def oscillation(commands: np.ndarray, duration: float) -> float:
 
 
 def _share_inside(violations: int | None, samples: int) -> float:
-    return np.nan if violations is None else (samples - violations) / samples
+    return np.nan if violations is None or not samples else (samples - violations) / samples

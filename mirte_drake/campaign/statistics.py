@@ -14,6 +14,7 @@ METRICS = (
     *("x_m", "y_m", "yaw_rad", "true_x_m", "true_y_m", "true_yaw_rad"),
     *("max_distance_m", "max_yaw_rad", "saturation", "oscillation"),
     *("measured_inside", "true_inside", "successor_inside"),
+    *("in_use_coverage", "calibrated_coverage"),
 )
 COUNTS = ("solve_failures", "input_violations", "rate_violations")
 
@@ -66,6 +67,9 @@ class CellSummary:
     measured_inside: Interval
     true_inside: Interval
     successor_inside: Interval
+    # Shares of the one-step errors of all runs that the sets held.
+    in_use_coverage: Interval
+    calibrated_coverage: Interval
 
 
 def summarise_cells(
@@ -83,6 +87,7 @@ def _summarise(cell: Cell, results: Sequence[Outcome | Failure]) -> CellSummary:
     predicted = sum(outcome.samples - 1 for outcome in outcomes)
     samples = predicted + len(outcomes)
     planned = samples - sum(outcome.delay for outcome in outcomes)
+    errors = _sum(outcome.errors for outcome in outcomes)
     return CellSummary(
         cell=cell,
         runs=len(results),
@@ -93,6 +98,8 @@ def _summarise(cell: Cell, results: Sequence[Outcome | Failure]) -> CellSummary:
         measured_inside=_inside((o.tube_violations for o in outcomes), samples),
         true_inside=_inside((o.true_violations for o in outcomes), planned),
         successor_inside=_inside((o.successor_violations for o in outcomes), predicted),
+        in_use_coverage=_inside((o.in_use_misses for o in outcomes), errors),
+        calibrated_coverage=_inside((o.calibrated_misses for o in outcomes), errors),
     )
 
 

@@ -16,7 +16,7 @@ from pydrake.common.yaml import yaml_dump_typed
 import mirte_drake
 from mirte_drake.campaign.outcome import Failure, Outcome
 from mirte_drake.files import write_json
-from mirte_drake.run import versions
+from mirte_drake.run_summary import versions
 from mirte_drake.scenario import Scenario
 
 

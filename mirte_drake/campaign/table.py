@@ -13,7 +13,7 @@ from mirte_drake.campaign.grid import Trial, Variation
 from mirte_drake.campaign.outcome import Failure, Outcome
 from mirte_drake.campaign.statistics import CONFIDENCE, CellSummary, Interval
 from mirte_drake.files import replacing, write_json
-from mirte_drake.run import versions
+from mirte_drake.run_summary import versions
 
 TABLE_FILES = ("runs.csv", "runs.parquet", "summary.json")
 PARQUET_KINDS: dict[Any, str] = {float: "float64", int: "int64", int | None: "int64", bool: "bool"}
@@ -91,6 +91,8 @@ def _cell(variations: Sequence[Variation], summary: CellSummary) -> dict[str, An
             "measured_inside": _json(summary.measured_inside),
             "true_inside": _json(summary.true_inside),
             "successor_inside": _json(summary.successor_inside),
+            "in_use_coverage": _json(summary.in_use_coverage),
+            "calibrated_coverage": _json(summary.calibrated_coverage),
         },
     }
 
@@ -104,12 +106,17 @@ def _json(interval: Interval) -> dict[str, float | None] | None:
 
 
 def summary_text(variations: Sequence[Variation], summaries: Sequence[CellSummary]) -> str:
-    """Returns the summary as a table for a person to read; RMSE of the true pose in mm and mrad."""
+    """Returns the summary as a table for a person to read; RMSE of the true pose in mm and mrad.
+
+    The last two columns, one-step coverage, are there where a coverage monitor was.
+    """
+    watched = any(not np.isnan(summary.in_use_coverage.value) for summary in summaries)
     head = ["scenario", *(variation.field.split(".")[-1] for variation in variations)]
     lines = [
         [
             *(*head, "runs", "failed", "lost", "x [mm]", "y [mm]", "yaw [mrad]"),
             *("turns [1/s]", "limit [%]", "true [%]", "next [%]"),
+            *(("set [%]", "calibrated [%]") if watched else ()),
         ]
     ]
     for summary in summaries:
@@ -125,6 +132,11 @@ def summary_text(variations: Sequence[Variation], summaries: Sequence[CellSummar
                 _text(medians["saturation"], 100, 1),
                 _text(summary.true_inside, 100, 1),
                 _text(summary.successor_inside, 100, 1),
+                *(
+                    _text(interval, 100, 1)
+                    for interval in (summary.in_use_coverage, summary.calibrated_coverage)
+                    if watched
+                ),
             ]
         )
     widths = [max(len(line[i]) for line in lines) for i in range(len(lines[0]))]

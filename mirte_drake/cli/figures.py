@@ -30,7 +30,7 @@ def figures(numbers: tuple[str, ...], data: Path | None, output: Path | None) ->
     """
     from mirte_drake.errors import UserError
     from mirte_drake.files import replacing_results
-    from mirte_drake.run import versions
+    from mirte_drake.run_summary import versions
     from mirte_drake.thesis.recorded import FILES, recorded_figure
     from mirte_drake.thesis.simulated import simulated_figure
     from mirte_drake.visualization.thesis_page import (

@@ -16,7 +16,7 @@ def replay(folder: Path, output: Path | None) -> None:
     The page is one file, below 5 MB, that any browser opens without a network.
     """
     from mirte_drake.replay import write_replay
-    from mirte_drake.run import REPLAY_FILE
+    from mirte_drake.run_summary import REPLAY_FILE
 
     path = output or folder / REPLAY_FILE
     write_replay(folder, path)

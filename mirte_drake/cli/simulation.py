@@ -50,8 +50,8 @@ def simulate(
     """
     from mirte_drake.files import replacing_results
     from mirte_drake.reporting import REPORT_FILE, save_report
-    from mirte_drake.run import REPLAY_FILE, RUN_FILES, save_run
     from mirte_drake.run import simulate as run_scenario
+    from mirte_drake.run_summary import REPLAY_FILE, RUN_FILES, save_run
     from mirte_drake.scenario import load_scenario, scenario_stem
     from mirte_drake.visualization.figures import FIGURE_FILES, save_figures
 

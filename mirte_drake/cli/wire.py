@@ -172,7 +172,7 @@ def _drive(
     from mirte_drake.cli.simulation import summary_table
     from mirte_drake.files import replacing_results
     from mirte_drake.reporting import REPORT_FILE, save_report
-    from mirte_drake.run import RUN_FILES, save_run
+    from mirte_drake.run_summary import RUN_FILES, save_run
     from mirte_drake.scenario import wired_robot
     from mirte_drake.visualization.figures import FIGURE_FILES, save_figures
     from mirte_drake.wire_session import wire_to

@@ -72,7 +72,7 @@ def adapt(settings: AdaptiveConformal, before: Calibration, score: float) -> Cal
 
     alpha+ = alpha + gamma (alpha* - miss), alpha* = 1 - target; the set is the conformal quantile
     of the window for alpha+, the whole capped set where alpha+ <= 0, empty where alpha+ >= 1. It
-    does not shrink while there are fewer scores than a quantile for the target takes.
+    does not shrink while the window fills and a quantile for the target takes more scores.
 
     What is guaranteed, for any sequence of scores whatever: of the first T that are not above the
     cap, the share missed differs from alpha* by at most (max(alpha_1, 1 - alpha_1) + gamma) /
@@ -91,7 +91,8 @@ def adapt(settings: AdaptiveConformal, before: Calibration, score: float) -> Cal
     else:
         rank = max(min(conformal_rank(len(scores), 1.0 - rate), len(scores)), 1)
         scale = float(np.partition(scores, rank - 1)[rank - 1])
-        if conformal_rank(len(scores), settings.target) > len(scores):
+        few = len(scores) < settings.window
+        if few and conformal_rank(len(scores), settings.target) > len(scores):
             scale = max(scale, before.scale)  # So few scores are no reason to make it smaller.
         scale = min(scale, settings.cap)
     return Calibration(rate, scale, scores)

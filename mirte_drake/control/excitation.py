@@ -10,6 +10,7 @@ import numpy as np
 
 from mirte_drake.checks import check_number
 from mirte_drake.control.reference_paths import slew
+from mirte_drake.sampling import sample_number
 
 # Signs of u1..u4 that move along one axis, by (2-2): x, y, yaw.
 MODES = np.array([[1, 1, 1, 1], [-1, 1, -1, 1], [-1, 1, 1, -1]])
@@ -106,7 +107,7 @@ def excitation(config: ExcitationConfig, seed: int, period: float) -> np.ndarray
     for k, target in enumerate(commands):
         command = commands[k] = slew(command, target, config.max_change)
     time = period * np.arange(_intervals(config.duration, period))
-    return commands[np.floor(time / config.control_interval + 1e-6).astype(int)]
+    return commands[sample_number(time, config.control_interval)]
 
 
 def _intervals(duration: float, interval: float) -> int:

@@ -20,6 +20,9 @@ MAX_ITERATIONS = 20
 CONVERGED = 1e-12  # [m/s, rad/s] Largest error of the velocity.
 FIRST_STEP = 0.125  # Of the way, in the search for how much of it is within reach.
 SMALLEST_STEP = 1e-9
+SWEEP = 32  # Points each way along the null space, in the search for one within the limits.
+REFINEMENTS = 40  # Of each that is nearest to them: down to 1e-8 of the way to the next point.
+GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 PROBE = 64.0  # [pwm] A power of two, so that dividing by it rounds nothing.
 
 
@@ -168,6 +171,84 @@ def _newton(
 
 
 @compiled
+def _at(
+    mapping: InputMap,
+    target: np.ndarray,
+    near: np.ndarray,
+    n: np.ndarray,
+    s: float,
+    start: np.ndarray,
+) -> tuple[np.ndarray, bool]:
+    """Returns the input (4,) that gives the target with n'(u - near) = s, and whether it does."""
+    u, system, right = start.copy(), np.empty((4, 4)), np.empty((4, 1))
+    for _ in range(MAX_ITERATIONS):
+        J, v = jacobian(mapping, u), velocity(mapping, u)
+        right[3, 0], error = s, 0.0
+        for i in range(4):
+            for r in range(3):
+                system[r, i] = J[r, i]
+            system[3, i] = n[i]
+            right[3, 0] -= n[i] * (u[i] - near[i])
+        for r in range(3):
+            right[r, 0] = target[r] - v[r]
+            error = max(error, abs(right[r, 0]))
+        if error <= CONVERGED and abs(right[3, 0]) <= CONVERGED * (1.0 + abs(s)):
+            return u, True
+        u += solve_linear(system, right)[:, 0]
+    return u, False
+
+
+@compiled
+def _excess(u: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> float:
+    """Returns by how much [pwm] the wheel that is farthest beyond its limits is; inside: <= 0."""
+    return np.max(np.maximum(lower - u, u - upper))
+
+
+@compiled
+def _sweep(
+    mapping: InputMap,
+    target: np.ndarray,
+    near: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+) -> tuple[np.ndarray, bool]:
+    """Returns an input (4,) that gives the target, and whether there is one within the limits.
+
+    The inputs that give it are a curve along n'(u - near) = s, which bends: where limits bind, the
+    s that they leave may not be reached by small steps from one that they left before.
+    """
+    n = null_vector(jacobian(mapping, near))
+    spacing = np.sum(np.abs(n) * np.maximum(upper - near, near - lower)) / SWEEP
+    points, excess = np.empty((2 * SWEEP + 1, 4)), np.full(2 * SWEEP + 1, np.inf)
+    for way in (1, -1):
+        u = near
+        for k in range(SWEEP + 1):
+            u, given = _at(mapping, target, near, n, way * k * spacing, u)
+            if not given:
+                break
+            points[SWEEP + way * k], excess[SWEEP + way * k] = u, _excess(u, lower, upper)
+    for k in range(1, 2 * SWEEP):
+        if excess[k] == np.inf or excess[k] > excess[k - 1] or excess[k] > excess[k + 1]:
+            continue
+        u, least = points[k], excess[k]
+        left, right = (k - 1 - SWEEP) * spacing, (k + 1 - SWEEP) * spacing
+        for _ in range(REFINEMENTS):
+            if least <= 0.0:
+                return u, True
+            inner = GOLDEN * (right - left)
+            a, given_a = _at(mapping, target, near, n, right - inner, u)
+            b, given_b = _at(mapping, target, near, n, left + inner, u)
+            if not (given_a and given_b):
+                break
+            beyond_a, beyond_b = _excess(a, lower, upper), _excess(b, lower, upper)
+            if beyond_a <= beyond_b:
+                u, least, right = a, beyond_a, left + inner
+            else:
+                u, least, left = b, beyond_b, right - inner
+    return near, False
+
+
+@compiled
 def _invert(
     mapping: InputMap,
     target: np.ndarray,
@@ -178,6 +259,11 @@ def _invert(
     u, found = _newton(mapping, target, near, near, lower, upper)
     if found:
         return u, 1.0
+    there, found = _sweep(mapping, target, near, lower, upper)
+    if found:
+        # From there to the end of what the limits leave that is nearest to s = 0.
+        u, found = _newton(mapping, target, near, there, lower, upper)
+        return (u if found else there), 1.0
     best, reached, step = near, 0.0, FIRST_STEP
     start = velocity(mapping, near)
     while step > SMALLEST_STEP:
@@ -202,10 +288,10 @@ def invert(
 ) -> Inversion:
     """Returns the input near a given one that gives a wanted velocity.
 
-    Where that is not within the limits, the input goes as far as it can on the straight way from
-    the velocity of ``near`` to the wanted one, from ``near`` on: the change of velocity keeps its
-    direction. An input that gives more of it, but not by way of smaller changes, is not looked
-    for.
+    Where no input within the limits gives it, the input goes as far as it can on the straight way
+    from the velocity of ``near`` to the wanted one, from ``near`` on: the change of velocity keeps
+    its direction. An input that gives more of it, but neither all nor by way of smaller changes,
+    is not looked for.
 
     Args:
         mapping: The map from inputs to velocities.

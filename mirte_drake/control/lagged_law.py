@@ -14,18 +14,22 @@ from mirte_drake.vectors import POSE, YAW
 
 
 def tracking_error(state: np.ndarray, nominal: np.ndarray) -> np.ndarray:
-    """Returns the errors (3, 2) of position and velocity by axis, in the robot's frame.
+    """Returns the errors (..., 3, 2) of position and velocity by axis, in the robot's frame.
 
     The nominal velocity is that of the nominal robot turned into this one's frame: a robot that
     moves as the nominal one does through the world has no velocity error.
 
     Args:
-        state: (6,) of a LaggedModel.
-        nominal: (6,)
+        state: (..., 6) of a LaggedModel.
+        nominal: (..., 6)
     """
-    error = pose_error(state[POSE], nominal[POSE])
-    velocity = state[BODY_VELOCITY] - rotation(-error[YAW]) @ nominal[BODY_VELOCITY]
-    return np.column_stack([rotation(-state[YAW]) @ error, velocity])
+    error = pose_error(state[..., POSE], nominal[..., POSE])
+    velocity = state[..., BODY_VELOCITY] - _turned(-error[..., YAW], nominal[..., BODY_VELOCITY])
+    return np.stack([_turned(-state[..., YAW], error), velocity], axis=-1)
+
+
+def _turned(yaw: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    return np.einsum("...ij,...j->...i", rotation(yaw), vector)
 
 
 def wanted_velocity(

@@ -1,5 +1,6 @@
 """The tube NMPC of a robot whose velocity lags behind its commands."""
 
+import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import Gain
 
@@ -10,6 +11,7 @@ from mirte_drake.controllers.parts import (
     built,
     naming,
 )
+from mirte_drake.errors import UserError
 from mirte_drake.model.lagged_model import LaggedModel
 from mirte_drake.scenario import Scenario
 from mirte_drake.systems.ancillary_lagged import AddAncillaryLagged, AncillaryLagged
@@ -18,8 +20,11 @@ from mirte_drake.systems.nominal_nmpc import AddNominalNmpc
 from mirte_drake.systems.state_estimator import AddStateEstimator, StateEstimator
 from mirte_drake.vectors import POSE_SIZE
 
+# Of the period. Of a shorter lag hardly anything is left after a sample: what a plan's first
+# velocity does is then so little that its Hessian is singular.
+SMALLEST_LAG = 0.15
 # Outputs that other controllers do not have.
-ESTIMATES = ("state", "bias", "innovation", "error_bound")
+ESTIMATES = ("state", "bias", "innovation")
 
 
 def MakeLaggedController(scenario: Scenario, model: LaggedModel) -> Diagram:
@@ -58,11 +63,12 @@ def MakeLaggedController(scenario: Scenario, model: LaggedModel) -> Diagram:
         model: Its prediction model.
 
     Raises:
-        UserError: when the prediction model cannot be stabilised.
+        UserError: when the prediction model cannot be stabilised, or hardly lags.
         ValueError: when a config is out of range.
     """
     assert scenario.state_estimator is not None and scenario.ancillary_lagged is not None
     period, limit = scenario.period, model.effective_limit(scenario.input_limit)
+    _check_lag(model, period)
     builder = DiagramBuilder()
     estimator = AddStateEstimator(builder, scenario.state_estimator, model, period=period)
     with naming("nominal_nmpc"):
@@ -112,6 +118,15 @@ def MakeLaggedController(scenario: Scenario, model: LaggedModel) -> Diagram:
     for port in ("state", "bias", "innovation"):
         builder.ExportOutput(estimator.GetOutputPort(port), port)
     return built(builder)
+
+
+def _check_lag(model: LaggedModel, period: float) -> None:
+    least, lag = SMALLEST_LAG * period, float(np.min(model.parameters.lag))
+    if lag < least:
+        raise UserError(
+            f"prediction_model: {model.name}: lag: must be at least {least:g} s, {SMALLEST_LAG:g} "
+            f"of the period, got {lag:g}; a robot that lags less needs no such model"
+        )
 
 
 def _add_tube(

@@ -12,7 +12,7 @@ from mirte_drake.faults.kinds import KINDS
 from mirte_drake.faults.processes import be_quiet, fork_server
 from mirte_drake.faults.trial import Outcome, Trial, run_trial
 from mirte_drake.files import replacing
-from mirte_drake.run import versions
+from mirte_drake.run_summary import versions
 
 # Trials that a process serves: its robots' Diagrams are never freed.
 BATCH = 25

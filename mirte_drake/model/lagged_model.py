@@ -66,6 +66,8 @@ class LaggedModel(PredictionModel):
         inputs: Names of the inputs, wheel commands [PWM percent].
         parameters: The parameters; not to be written to.
         delay: [samples] From command to motion, beyond the lag; in no method.
+        wheel_shares: (2, 4) What a command beyond the deadband has of an effective one, forward
+            and backward; not to be written to.
     """
 
     states = ("x", "y", "theta", "vx", "vy", "yaw_rate")
@@ -81,7 +83,7 @@ class LaggedModel(PredictionModel):
         self.name, self.parameters, self.delay = name, parameters, parameters.delay
         kinematics = np.asarray(parameters.axis_gain)[:, None] * FORWARD_KINEMATICS
         self._gain = dense(kinematics * np.asarray(parameters.wheel_gain)[:, None, :])
-        self._shares = parameters.wheel_gain / np.mean(parameters.wheel_gain, axis=0)
+        self.wheel_shares = parameters.wheel_gain / np.mean(parameters.wheel_gain, axis=0)
         self._lag, self._deadband = dense(parameters.lag), float(parameters.deadband)
 
     def effective(self) -> "LaggedModel":
@@ -93,7 +95,7 @@ class LaggedModel(PredictionModel):
     def effective_command(self, u: np.ndarray) -> np.ndarray:
         """Returns the effective commands w (..., 4) [pwm] of commands u (..., 4) [pwm]."""
         driven = np.sign(u) * np.maximum(np.abs(u) - self._deadband, 0.0)
-        return driven * np.where(driven >= 0, *self._shares)
+        return driven * np.where(driven >= 0, *self.wheel_shares)
 
     def command_for(self, w: np.ndarray) -> np.ndarray:
         """Returns the commands u (..., 4) [pwm] for effective ones (..., 4) [pwm], without limits.
@@ -102,7 +104,7 @@ class LaggedModel(PredictionModel):
         deadband is added in proportion, so that a w that wavers about zero is doubled, not thrown
         from one side of the deadband to the other.
         """
-        driven = w / np.where(np.asarray(w) >= 0, *self._shares)
+        driven = w / np.where(np.asarray(w) >= 0, *self.wheel_shares)
         if self._deadband == 0.0:
             return driven
         return driven + self._deadband * np.clip(driven / self._deadband, -1.0, 1.0)

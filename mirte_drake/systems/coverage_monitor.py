@@ -20,6 +20,7 @@ from mirte_drake.control.conformal import (
     first_calibration,
     missed,
 )
+from mirte_drake.sampling import sample_number
 from mirte_drake.vectors import POSE_SIZE
 
 
@@ -67,9 +68,9 @@ class CoverageMonitor(LeafSystem):
     ==================  ===========  ==================  =========================================
     error (in)          vector (3,)  [m/s, m/s, rad/s]   of the pose predicted a sample before,
                                                          over T_s, body frame; not finite: none
-    prediction_error    vector (3,)  [m/s, m/s, rad/s]   the last one; NaN: none yet
+    prediction_error    vector (3,)  [m/s, m/s, rad/s]   that of the last sample; NaN: none
     calibrated_bound    vector (3,)  [m/s, m/s, rad/s]   half-widths of the calibrated set, for the
-                                                         next error
+                                                         error after the one that is there
     coverage            vector (2,)  -                   running share of errors held by the set
                                                          in use, by the calibrated set; NaN: none
     coverage_warning    vector (2,)  -                   1 where the window is full and: the set in
@@ -77,8 +78,9 @@ class CoverageMonitor(LeafSystem):
                                                          calibrated set less or more
     ==================  ===========  ==================  =========================================
 
-    All outputs are states or follow from them alone, so that of the last error is there after the
-    sample in which it came. A sample without an error counts for nothing.
+    ``calibrated_bound`` has feedthrough from ``error``, so that a tube can reckon with it in the
+    sample in which the error came. The other outputs are states or follow from them alone, and
+    reckon with an error after its sample. A sample without an error counts for nothing.
 
     Raises:
         ValueError: when ``config`` is out of range (at construction).
@@ -95,7 +97,8 @@ class CoverageMonitor(LeafSystem):
         super().__init__()
         config.validate()
         check_array("disturbance_bound", bound, (POSE_SIZE,), minimum=1e-9)
-        self._config, self._bound, self._settings = config, np.array(bound), config.calibration()
+        self._config, self._period, self._settings = config, period, config.calibration()
+        self._bound = np.array(bound)
         first = first_calibration(self._settings)
         self._error_input = self.DeclareVectorInputPort("error", POSE_SIZE)
         self._error = self.DeclareDiscreteState(np.full(POSE_SIZE, np.nan))
@@ -104,35 +107,51 @@ class CoverageMonitor(LeafSystem):
         # calibrated set held each.
         self._scores = self.DeclareDiscreteState(np.full(config.window, np.nan))
         self._held = self.DeclareDiscreteState(np.full(config.window, np.nan))
+        self._newest = self.DeclareDiscreteState([-1.0])  # Number of the last sample.
         self.DeclareStateOutputPort("prediction_error", self._error)
         states = {self.xd_ticket()}
-        self.DeclareVectorOutputPort("calibrated_bound", POSE_SIZE, self._calc_bound, states)
+        self.DeclareVectorOutputPort(
+            "calibrated_bound",
+            POSE_SIZE,
+            self._calc_bound,
+            {self.time_ticket(), *states, self._error_input.ticket()},
+        )
         self.DeclareVectorOutputPort("coverage", 2, self._calc_coverage, states)
         self.DeclareVectorOutputPort("coverage_warning", 2, self._calc_warning, states)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
     def _update(self, context: Context, next_state: DiscreteValues) -> None:
-        error = self._error_input.Eval(context)
+        error, number = self._error_input.Eval(context), self._number(context)
+        next_state.set_value(self._newest, [float(number)])
+        next_state.set_value(self._error, error)
         if not np.all(np.isfinite(error)):
             return
-        before = self._read_calibration(context)
-        score = float(box_scores(error, self._bound))
+        before, score = self._calibration_before(context), self._score(error)
         after = adapt(self._settings, before, score)
         held = context.get_discrete_state(self._held).value()
         unused = np.full(self._config.window - len(after.scores), np.nan)
-        next_state.set_value(self._error, error)
         next_state.set_value(self._calibration, [after.miss_rate, after.scale])
         next_state.set_value(self._scores, np.concatenate([unused, after.scores]))
         next_state.set_value(self._held, np.append(held[1:], not missed(before, score)))
 
-    def _read_calibration(self, context: Context) -> Calibration:
+    def _number(self, context: Context) -> int:
+        return int(sample_number(context.get_time(), self._period))
+
+    def _score(self, error: np.ndarray) -> float:
+        return float(box_scores(error, self._bound))
+
+    def _calibration_before(self, context: Context) -> Calibration:
+        """Returns the state that judges an error which is due, or that the last one has led to."""
         rate, scale = context.get_discrete_state(self._calibration).value()
         scores = context.get_discrete_state(self._scores).value()
         return Calibration(rate, scale, scores[np.isfinite(scores)])
 
     def _calc_bound(self, context: Context, output: BasicVector) -> None:
-        scale = self._read_calibration(context).scale
-        output.SetFromVector(scale * self._bound)
+        calibration, error = self._calibration_before(context), self._error_input.Eval(context)
+        due = self._number(context) > context.get_discrete_state(self._newest).value()[0]
+        if due and np.all(np.isfinite(error)):
+            calibration = adapt(self._settings, calibration, self._score(error))
+        output.SetFromVector(calibration.scale * self._bound)
 
     def _running_coverage(self, context: Context) -> tuple[np.ndarray, bool]:
         """Returns both shares (2,), and whether the window is full."""

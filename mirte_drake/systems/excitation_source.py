@@ -4,6 +4,7 @@ import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, LeafSystem
 
 from mirte_drake.control.excitation import ExcitationConfig, excitation
+from mirte_drake.sampling import sample_number
 
 
 class ExcitationSource(LeafSystem):
@@ -48,7 +49,7 @@ class ExcitationSource(LeafSystem):
         return self._commands
 
     def _calc_wheel_command(self, context: Context, output: BasicVector) -> None:
-        k = int(np.floor(context.get_time() / self._interval + 1e-6))
+        k = sample_number(context.get_time(), self._interval)
         output.SetFromVector(self._commands[k] if k < len(self._commands) else np.zeros(4))
 
 

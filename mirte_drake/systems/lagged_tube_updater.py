@@ -8,8 +8,8 @@ from pydrake.systems.framework import (
     BasicVector,
     Context,
     DiagramBuilder,
+    DiscreteValues,
     LeafSystem,
-    State,
 )
 
 from mirte_drake.checks import check_array, check_choice, check_number
@@ -34,8 +34,8 @@ class LaggedTubeConfig:
     # Whether the tube follows the bound that the coverage monitor calibrates; it then begins with
     # the one above. Coverage is on average over time, so that this tube is not invariant.
     calibrated: bool = False
-    # [pwm] By which an effective command may miss what is asked for: whole percents. Within the
-    # deadband it may miss by half of that; there the tube does not hold.
+    # [pwm] By which a command may miss what is asked for: whole percents. Within the deadband it
+    # may miss by half of that; there the tube does not hold.
     command_error: float = 0.5
     shape: str = "modes"  # "modes" or "ellipsoid", see ``control.lagged_tube``.
     gamma: float = 1.0  # [-] Of the ellipsoid, in terms of innovations as large as their bound.
@@ -83,9 +83,8 @@ class LaggedTubeUpdater(LeafSystem):
     =====================  =============  =================  =====================================
 
     State, every ``period`` s: the tube of the next sample, and the room for the ancillary law at
-    each stage of a plan that begins there, both by the plan that is held
-    when it begins, that of the sample before. No output has
-    feedthrough from ``plan`` or ``calibrated_bound``.
+    each stage of a plan that begins there, both by this sample's plan. No output has feedthrough
+    from ``plan`` or ``calibrated_bound``.
 
     Raises:
         ValueError: when ``config`` is out of range (at construction).
@@ -118,7 +117,7 @@ class LaggedTubeUpdater(LeafSystem):
         self._gains, self._horizon, self._limit = gains, horizon, input_limit
         self._map = model.effective().steady_velocity_jacobian(np.zeros(model.num_inputs))
         self._bound, self._period = config.innovation_bound, period
-        missed = config.command_error * np.sum(np.abs(self._map), axis=1)
+        missed = np.abs(self._map) @ (config.command_error * np.max(model.wheel_shares, axis=0))
         self._tube: ModeTube | EllipsoidTube = (
             ModeTube(loop, missed)
             if config.shape == "modes"
@@ -130,31 +129,32 @@ class LaggedTubeUpdater(LeafSystem):
         self._state_input = self.DeclareVectorInputPort("state", n)
         self._bias_input = self.DeclareVectorInputPort("bias", POSE_SIZE)
         self._bound_input = self.DeclareVectorInputPort("calibrated_bound", POSE_SIZE)
-        tube, room = self._tube.start(), np.zeros((horizon, m))
-        self._state = self.DeclareAbstractState(AbstractValue.Make((tube, room)))
-        held = self.abstract_state_ticket(self._state)
+        self._size_held = self.DeclareDiscreteState(self._tube.start().ravel())
+        self._room_held = self.DeclareDiscreteState(horizon * m)
+        size, room = (self.discrete_state_ticket(i) for i in (self._size_held, self._room_held))
         self.DeclareVectorOutputPort(
-            "half_width", n, self._calc_half_width, {held, self._state_input.ticket()}
+            "half_width", n, self._calc_half_width, {size, self._state_input.ticket()}
         )
-        self.DeclareVectorOutputPort("error_bound", n, self._calc_error_bound, {held})
-        sources = {held, self._bias_input.ticket()}
+        self.DeclareVectorOutputPort("error_bound", n, self._calc_error_bound, {size})
+        sources = {room, self._bias_input.ticket()}
         self.DeclareVectorOutputPort("input_lower", horizon * m, self._calc_lower, sources)
         self.DeclareVectorOutputPort("input_upper", horizon * m, self._calc_upper, sources)
-        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
+        # A discrete update, since those come after the unrestricted ones that make the plan.
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
-    def _get(self, context: Context) -> tuple[np.ndarray, np.ndarray]:
-        return context.get_abstract_state(int(self._state)).get_value()
+    def _size(self, context: Context) -> np.ndarray:
+        held = context.get_discrete_state(self._size_held).value()
+        return held.reshape(self._tube.start().shape)
 
     def _calc_half_width(self, context: Context, output: BasicVector) -> None:
-        tube, _ = self._get(context)
         yaw = self._state_input.Eval(context)[YAW]
-        output.SetFromVector(box_of_state(self._tube.box(tube), yaw))
+        output.SetFromVector(box_of_state(self._tube.box(self._size(context)), yaw))
 
     def _calc_error_bound(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(self._tube.components(self._get(context)[0]).T.ravel())
+        output.SetFromVector(self._tube.components(self._size(context)).T.ravel())
 
     def _bounds(self, context: Context, side: float) -> np.ndarray:
-        _, room = self._get(context)
+        room = context.get_discrete_state(self._room_held).value().reshape(self._horizon, -1)
         shift = self._inverse @ self._bias_input.Eval(context)
         # No bound passes the middle: there the nominal input gives no freedom, but one solution.
         return shift + side * np.maximum(self._limit - room, 0.0)
@@ -165,14 +165,13 @@ class LaggedTubeUpdater(LeafSystem):
     def _calc_upper(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(self._bounds(context, 1.0).ravel())
 
-    def _update(self, context: Context, next_state: State) -> None:
+    def _update(self, context: Context, next_state: DiscreteValues) -> None:
         plan: Plan = self._plan_input.Eval(context)
-        tube, _ = self._get(context)
         calibrated = self._bound_input.HasValue(context)
         bound = self._period * self._bound_input.Eval(context) if calibrated else self._bound
         turns = np.diff(plan.states[:, YAW])
         velocities = plan.inputs @ self._map.T
-        following = tube = self._tube.advance(tube, turns[0], bound)
+        following = size = self._tube.advance(self._size(context), turns[0], bound)
         rooms = []
         for i in range(1, self._horizon + 1):
             last = min(i, self._horizon - 1)
@@ -180,8 +179,8 @@ class LaggedTubeUpdater(LeafSystem):
                 input_room(self._tube, following, self._gains, velocities[last], self._inverse)
             )
             following = self._tube.advance(following, turns[last], bound)
-        value = next_state.get_mutable_abstract_state(int(self._state))
-        value.set_value((tube, np.array(rooms)))
+        next_state.set_value(self._size_held, size.ravel())
+        next_state.set_value(self._room_held, np.ravel(rooms))
 
 
 def AddLaggedTubeUpdater(

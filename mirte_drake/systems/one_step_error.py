@@ -11,6 +11,7 @@ from pydrake.systems.framework import (
 
 from mirte_drake.angles import pose_error, rotation
 from mirte_drake.model.prediction_model import PredictionModel
+from mirte_drake.sampling import sample_number
 from mirte_drake.vectors import POSE, POSE_SIZE, YAW
 
 
@@ -66,7 +67,7 @@ class OneStepError(LeafSystem):
 
     def _error(self, context: Context) -> np.ndarray:
         """Returns the error of the last sample, or of one that is due."""
-        number = np.floor(context.get_time() / self._period + 1e-6)  # Forgiving round-off.
+        number = sample_number(context.get_time(), self._period)
         if number <= self._value(context, self._newest)[0]:
             return self._value(context, self._given)
         pose, yaw = self._state_input.Eval(context)[POSE], self._value(context, self._yaw)[0]
@@ -84,7 +85,7 @@ class OneStepError(LeafSystem):
         next_state.set_value(self._prediction, prediction)
         next_state.set_value(self._yaw, [state[YAW]])
         next_state.set_value(self._given, self._error(context))
-        next_state.set_value(self._newest, [np.rint(context.get_time() / self._period)])
+        next_state.set_value(self._newest, [float(sample_number(context.get_time(), self._period))])
 
 
 def AddOneStepError(

@@ -11,6 +11,7 @@ from mirte_drake.control.reference_paths import (
     window,
 )
 from mirte_drake.control.waypoint_path import WaypointPath
+from mirte_drake.sampling import sample_number
 
 ReferencePathConfig = (
     RectanglePath | CirclePath | VelocityLegsPath | VelocityCirclePath | WaypointPath
@@ -65,7 +66,7 @@ class ReferenceSource(LeafSystem):
         return self._poses
 
     def _index(self, context: Context) -> int:
-        return int(np.floor(context.get_time() / self._period + 1e-6))
+        return int(sample_number(context.get_time(), self._period))
 
     def _calc_reference(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(window(self._poses, self._index(context), 1)[0])

@@ -15,6 +15,7 @@ from mirte_drake.checks import check_array, check_number
 from mirte_drake.control.lagged_axis import observer_gains
 from mirte_drake.control.state_observer import correct, innovation, predict
 from mirte_drake.model.lagged_model import MAX_DELAY, LaggedModel
+from mirte_drake.sampling import sample_number
 from mirte_drake.vectors import POSE_SIZE
 
 
@@ -73,7 +74,8 @@ class StateEstimator(LeafSystem):
     wheel_command (in)  vector (4,)  [pwm]               u_k, that the wheels are told now
     state               vector (6,)  model's             at k + delay, when u_k begins to act
     bias                vector (3,)  [m/s, m/s, rad/s]   of the velocity that the model settles at
-    innovation          vector (3,)  [m, m, rad]         of ``pose``, in the robot's frame
+    innovation          vector (3,)  [m, m, rad]         of ``pose``, in the robot's frame; NaN: the
+                                                         first, or none
     ==================  ===========  ==================  ========================================
 
     State, every ``period`` s: the prediction for the next sample of state and bias, the last
@@ -81,8 +83,8 @@ class StateEstimator(LeafSystem):
     stands still where it is measured.
 
     Outputs have feedthrough from ``pose``, not from ``wheel_command``: u_k may depend on them.
-    Where the measurement is not finite the outputs are not either, but the prediction is: it goes
-    on by the commands alone.
+    Where the measurement is not finite no output is, but for a bias of zero before the first pose;
+    the prediction is: it goes on by the commands alone.
 
     Raises:
         ValueError: when ``config`` is out of range (at construction).
@@ -138,13 +140,12 @@ class StateEstimator(LeafSystem):
         state, bias = self._value(context, self._state), self._value(context, self._bias)
         pose = self._pose_input.Eval(context)
         if not self._value(context, self._begun)[0]:
-            return np.concatenate([pose, state[POSE_SIZE:]]), bias, np.zeros(POSE_SIZE)
+            return np.concatenate([pose, state[POSE_SIZE:]]), bias, np.full(POSE_SIZE, np.nan)
         return *correct(state, bias, pose, self._gains), innovation(state, pose)
 
     def _outputs(self, context: Context) -> np.ndarray:
         """Returns state, bias and innovation (12,) of the last sample, or of one that is due."""
-        # Forgiving round-off in the time.
-        number = np.floor(context.get_time() / self._period + 1e-6)
+        number = sample_number(context.get_time(), self._period)
         if number <= self._value(context, self._newest)[0]:
             return self._value(context, self._given)
         state, bias, new = self._estimate(context)
@@ -175,7 +176,7 @@ class StateEstimator(LeafSystem):
         next_state.set_value(self._bias, bias)
         next_state.set_value(self._begun, [float(begun)])
         next_state.set_value(self._sent, np.ravel(waiting))
-        next_state.set_value(self._newest, [np.rint(context.get_time() / self._period)])
+        next_state.set_value(self._newest, [float(sample_number(context.get_time(), self._period))])
         next_state.set_value(self._given, self._outputs(context))
 
 

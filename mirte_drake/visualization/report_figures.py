@@ -1,48 +1,58 @@
 """Figures that a report has beside those of ``figures``: does the tube hold, is it in time."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from mirte_drake.angles import pose_error
-from mirte_drake.vectors import POSE
 from mirte_drake.visualization.style import ACTUAL, NOMINAL, set_time_axis
 
 Log = Mapping[str, np.ndarray]
 
-_ROWS = (("x", "m"), ("y", "m"), (r"\theta", "rad"))
+_AXES = (("x", "m"), ("y", "m"), (r"\theta", "rad"))
+_VELOCITIES = (("v_x", "m/s"), ("v_y", "m/s"), (r"\dot\theta", "rad/s"))
 _OUTSIDE = {"ls": "", "marker": "x", "color": "black", "ms": 6, "mew": 1.4, "zorder": 4}
 _ROUNDING = 1e-9  # [m, rad]
 
 
-def tube_figure(log: Log) -> Figure:
-    """Draws how far each pose was from what the sample before predicted, within the tube."""
-    figure = Figure(figsize=(5.2, 4.6), layout="constrained")
-    panels = figure.subplots(len(_ROWS), 1, sharex=True)
-    time, half_width = log["time"][1:], log["half_width"][1:]
-    # With a delay the plan begins around a pose that is estimated ahead.
-    pose = log["state"][:, POSE] if "state" in log else log["pose"]
-    error = pose_error(pose[1:], log["nominal_next"][:-1])
-    outside = np.abs(error) > half_width + _ROUNDING
-    for entry, (axes, (symbol, unit)) in enumerate(zip(panels, _ROWS, strict=True)):
-        half = half_width[:, entry]
-        axes.fill_between(time, -half, half, step="mid", color="0.86", lw=0, label="tube")
+def tube_figure(time: np.ndarray, error: np.ndarray, bound: np.ndarray) -> Figure:
+    """Draws how far each sample was from what the one before predicted, within the tube.
+
+    Args:
+        time: (K,) [s] of all samples.
+        error: (K - 1, 3) of the poses, or (K - 1, 6) with velocities.
+        bound: The same, of the tube.
+    """
+    columns = error.shape[1] // len(_AXES)
+    figure = Figure(figsize=(5.2 if columns == 1 else 7.4, 4.6), layout="constrained")
+    panels = figure.subplots(len(_AXES), columns, sharex=True, squeeze=False)
+    for entry, (axes, (symbol, unit)) in enumerate(
+        zip(panels.T.flat, (*_AXES, *_VELOCITIES)[: error.shape[1]], strict=True)
+    ):
+        half, errors = bound[:, entry], error[:, entry]
+        axes.fill_between(time[1:], -half, half, step="mid", color="0.86", lw=0, label="tube")
         axes.axhline(0.0, color="black", lw=0.6)
-        axes.plot(time, error[:, entry], label="pose", **ACTUAL)
-        there = outside[:, entry]
-        axes.plot(time[there], error[there, entry], label="outside", **_OUTSIDE)
+        axes.plot(time[1:], errors, label="robot", **ACTUAL)
+        there = np.abs(errors) > half + _ROUNDING
+        axes.plot(time[1:][there], errors[there], label="outside", **_OUTSIDE)
         axes.set_ylabel(rf"${symbol}-\bar{{{symbol}}}$ [{unit}]")
-        axes.set_title(f"outside {there.sum()} of {len(time)}", loc="right", fontsize=9)
-    set_time_axis(panels[-1], log["time"])
+        axes.set_title(f"outside {there.sum()} of {len(errors)}", loc="right", fontsize=9)
+    for axes in panels[-1]:
+        set_time_axis(axes, time)
     figure.align_ylabels()
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
     return figure
 
 
-def coverage_figure(log: Log, target: float) -> Figure:
-    """Draws the running coverage of both disturbance sets, and the size of the calibrated one."""
+def coverage_figure(log: Log, target: float, in_use: Sequence[float]) -> Figure:
+    """Draws the running coverage of both disturbance sets, and the size of the calibrated one.
+
+    Args:
+        log: The log.
+        target: Share of errors that a set shall hold.
+        in_use: (3,) [m/s, m/s, rad/s] half-widths of the set in use.
+    """
     figure = Figure(figsize=(5.2, 3.6), layout="constrained")
     shares, size = figure.subplots(2, 1, sharex=True)
     shares.axhline(100 * target, color="black", lw=0.9, ls=":", label=f"target: {100 * target:g} %")
@@ -50,7 +60,7 @@ def coverage_figure(log: Log, target: float) -> Figure:
         shares.plot(log["time"], 100 * log["coverage"][:, column], label=label, **line)
     shares.set(ylabel="held [%]", ylim=(0, 105))
     bound = log["calibrated_bound"]
-    size.plot(log["time"], bound[:, 0] / bound[0, 0], **ACTUAL)
+    size.plot(log["time"], bound[:, 0] / in_use[0], **ACTUAL)
     size.axhline(1.0, **NOMINAL)
     size.set(ylabel="size [set in use]")
     size.set_ylim(bottom=0)

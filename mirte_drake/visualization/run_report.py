@@ -35,7 +35,10 @@ class ReportedRun:
     description: str
     robot: str  # Its short name.
     controller: str  # In two words.
-    tube: bool  # Whether it keeps the robot in one.
+    # Errors and bounds (K - 1, n) of samples against what was predicted for them; n is 3, or 6 in
+    # the robot's frame with velocities. None: there is no tube.
+    tube: tuple[np.ndarray, np.ndarray] | None
+    why_outside: str  # Why a sample may leave the tube.
     period: float  # [s]
     input_limit: float  # [pwm]
     scenario: str  # YAML, as run.
@@ -145,13 +148,14 @@ def _figures(page: Page, run: ReportedRun) -> list[dict[str, str]]:
             "Solve time of every sample, against the period that it must fit in.",
             lambda: solve_time_figure(log, run.period),
         ))  # fmt: skip
-    if run.tube:
-        pose = "Estimated pose" if "state" in log else "Pose"
+    if tube := run.tube:
+        what = "Estimated pose and velocity" if "state" in log else "Pose"
+        frame = ", in the robot's frame" if "error_bound" in log else ""
         drawn += [
             (
-                f"{pose} minus its prediction of one sample before, and the tube that should hold "
-                "it.",
-                lambda: tube_figure(log),
+                f"{what} minus the prediction of one sample before{frame}, and the tube that "
+                "should hold that.",
+                lambda: tube_figure(log["time"], *tube),
             ),
             (
                 "Wheel commands: the nominal ones stay within the tightened bounds; the ancillary "
@@ -165,7 +169,7 @@ def _figures(page: Page, run: ReportedRun) -> list[dict[str, str]]:
         drawn.append((
             "Share of the last one-step errors that the disturbance set in use held, and the set "
             "that is calibrated while driving; below, how large that is.",
-            lambda: coverage_figure(log, coverage["target"]),
+            lambda: coverage_figure(log, coverage["target"], coverage["bound_in_use"]),
         ))  # fmt: skip
     return [{"caption": caption, "svg": page.plot(draw, caption)} for caption, draw in drawn]
 
@@ -192,10 +196,6 @@ def _plan_numbers(run: ReportedRun) -> list[tuple[str, Any, str]]:
     """Returns what a controller that plans adds to the numbers."""
     summary, samples, limit = run.summary, "samples", f"{run.input_limit:g} %"
     solve, feedback = summary["solve_time_ms"], summary["feedback_time_ms"]
-    if "reached" in run.log or "state" in run.log:  # Of laws that do not linearise the model.
-        leaving = "it happens where the robot does more than the tube assumes"
-    else:
-        leaving = "the tube bounds the linearised error, so it may happen"
     rows = [
         ("solve time", _times(solve), "median, 99 %, longest"),
         ("from pose to plan", _times(feedback), "what of it comes after the measurement"),
@@ -215,7 +215,7 @@ def _plan_numbers(run: ReportedRun) -> list[tuple[str, Any, str]]:
             (
                 "next pose outside the tube",
                 summary["successor_violations"],
-                f"{samples}; {leaving}",
+                f"{samples}; {run.why_outside}",
             ),
         ]
     return rows
@@ -227,7 +227,7 @@ def _coverage_numbers(coverage: Mapping[str, Any] | None) -> list[tuple[str, Any
         return []
     warnings = coverage["warnings"]
     sets = (
-        ("in_use", "set in use", "of the one-step errors that the tube reckons with"),
+        ("in_use", "set in use", "of the one-step errors"),
         ("calibrated", "calibrated set", f"on average over time; target {coverage['target']:.0%}"),
     )
     rows: list[tuple[str, Any, str]] = []

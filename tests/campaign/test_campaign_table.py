@@ -34,6 +34,9 @@ GOOD = Outcome(
     tube_violations=0,
     successor_violations=5,
     true_violations=11,
+    errors=None,
+    in_use_misses=None,
+    calibrated_misses=None,
 )
 TRIALS = [*(Trial(SLIPPERY, seed) for seed in range(3)), *(Trial(DRY, seed) for seed in range(6))]
 RESULTS = [
@@ -96,6 +99,19 @@ def test_the_text_by_hand():
     assert dry.split()[5:9] == ["4", "(1-6)", "5", "(5-5)"]
     assert dry.endswith("0.0 (0.0-5.4)  50.0 (36.8-63.2)")
     assert len({len(line) for line in (head, slippery, dry)}) == 1
+
+
+def test_coverage_is_shown_where_it_was_watched():
+    watched = [
+        dc.replace(result, errors=40, in_use_misses=20, calibrated_misses=4)
+        if trial.cell is DRY
+        else result
+        for trial, result in zip(TRIALS, RESULTS, strict=True)
+    ]
+    head, slippery, dry = summary_text(VARIED, summarise_cells(TRIALS, watched)).splitlines()
+    assert head.split()[-4:] == ["set", "[%]", "calibrated", "[%]"]
+    assert slippery.split()[-2:] == ["-", "-"]
+    assert dry.split()[-4:] == ["50.0", "(43.5-56.5)", "90.0", "(85.5-93.5)"]
 
 
 def test_tables_do_not_change_a_bit(saved, tmp_path):

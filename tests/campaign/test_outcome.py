@@ -16,7 +16,8 @@ from mirte_drake.campaign.outcome import (
 )
 from mirte_drake.robots.names import robot_override
 from mirte_drake.robots.sindyc_robot import SindycRobotConfig
-from mirte_drake.run import Run, simulate, summarise
+from mirte_drake.run import Run, simulate
+from mirte_drake.run_summary import summarise
 from mirte_drake.scenario import load_scenario
 
 
@@ -106,6 +107,17 @@ def test_errors_and_counts_are_those_of_the_summary():
     assert not shown.lost and shown.measured_inside == 1.0
 
 
+def test_coverage_is_that_of_the_summary():
+    shown = outcome(short_run(name="lagged_rectangle"))
+    coverage = summarise(short_run(name="lagged_rectangle"))["coverage"]
+    assert shown.errors == coverage["errors"] == shown.samples - 1  # The first has no prediction.
+    assert shown.in_use_coverage == pytest.approx(coverage["in_use"])
+    assert shown.calibrated_coverage == pytest.approx(coverage["calibrated"])
+    unwatched = outcome(short_run())
+    assert unwatched.errors is unwatched.in_use_misses is unwatched.calibrated_misses is None
+    assert np.isnan(unwatched.calibrated_coverage)
+
+
 def test_without_a_tube_nothing_is_inside():
     shown = outcome(short_run(name="baseline_rectangle"))
     assert shown.tube_violations is shown.true_violations is shown.successor_violations is None
@@ -139,7 +151,7 @@ def test_lost_is_who_was_ever_too_far_away(error, lost):
 
 
 def test_an_outcome_survives_json_to_the_last_bit():
-    shown = outcome(short_run())
+    shown = outcome(short_run(name="lagged_rectangle"))
     assert Outcome(**json.loads(json.dumps(dc.asdict(shown)))) == shown
     assert all(type(value) in (int, float, bool) for value in dc.astuple(shown))
 

@@ -29,6 +29,9 @@ OUTCOME = Outcome(
     tube_violations=0,
     successor_violations=0,
     true_violations=0,
+    errors=None,
+    in_use_misses=None,
+    calibrated_misses=None,
 )
 
 
@@ -98,6 +101,19 @@ def test_samples_of_all_runs_count_together():
     assert shown.successor_inside == proportion(27, 30)
     assert shown.measured_inside == proportion(32, 32)
     assert shown.medians["true_inside"].value == pytest.approx((8 / 11 + 1) / 2)
+
+
+def test_one_step_errors_of_all_runs_count_together():
+    shown = summary(
+        dc.replace(OUTCOME, errors=10, in_use_misses=5, calibrated_misses=1),
+        dc.replace(OUTCOME, errors=30, in_use_misses=3, calibrated_misses=2),
+    )
+    assert shown.in_use_coverage == proportion(32, 40)
+    assert shown.calibrated_coverage == proportion(37, 40)
+    assert shown.medians["in_use_coverage"].value == pytest.approx((0.5 + 0.9) / 2)
+    unwatched = summary(OUTCOME)
+    assert np.isnan(unwatched.in_use_coverage.value)
+    assert np.isnan(unwatched.medians["calibrated_coverage"].value)
 
 
 def test_without_a_tube_there_is_no_share_in_it():

@@ -3,7 +3,7 @@ import itertools
 import numpy as np
 import pytest
 from disturbed_robot import disturbed_successor
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from mirte_drake.angles import pose_error
@@ -239,8 +239,13 @@ def test_no_error_needs_no_room():
     np.testing.assert_array_equal(room_at(0.3, np.full(4, 20.0), np.zeros(3)), np.zeros(4))
 
 
+# The examples need moves along the null space that smaller changes of velocity do not lead to.
 @settings(max_examples=40, deadline=None)
 @given(seeds)
+@example(24)
+@example(299)
+@example(670)
+@example(2560)
 def test_within_the_room_the_law_gets_what_it_asks_for(seed):
     rng = np.random.default_rng(seed)
     yaw, ubar = rng.uniform(-np.pi, np.pi), rng.uniform(-45, 45, 4)

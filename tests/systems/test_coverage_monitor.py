@@ -45,8 +45,22 @@ def test_ports():
     assert outputs == dict(zip(PORTS, (3, 3, 2, 2), strict=True))
 
 
-def test_no_output_has_feedthrough():
-    assert feedthrough(make_dut()) == set()
+def test_only_the_bound_has_feedthrough():
+    assert feedthrough(make_dut()) == {("error", "calibrated_bound")}
+
+
+def test_the_bound_reckons_with_an_error_before_its_update_and_once():
+    drive, changes = Drive(make_dut()), 0
+    for error in errors(5, 4, size=2.0):
+        before = drive.read("calibrated_bound")
+        drive.dut.GetInputPort("error").FixValue(drive.simulator.get_mutable_context(), error)
+        np.testing.assert_array_equal(drive.read("calibrated_bound"), before)  # Not due yet.
+        drive.simulator.AdvanceTo(0.1 * drive.samples)  # Without the updates of that instant.
+        due = drive.read("calibrated_bound")
+        drive.go(error)
+        np.testing.assert_array_equal(drive.read("calibrated_bound"), due)
+        changes += not np.array_equal(due, before)
+    assert changes > 1
 
 
 def test_before_the_first_error_the_set_in_use_stands():
@@ -119,9 +133,10 @@ def test_a_missing_measurement_counts_for_nothing():
     drive = Drive(make_dut(window=5))
     for error in errors(2, 3):
         drive.go(error)
-    before = [drive.read(port) for port in PORTS]
+    before = [drive.read(port) for port in PORTS[1:]]
     drive.go([0.1, np.nan, 0.1])
-    for port, value in zip(PORTS, before, strict=True):
+    assert not np.all(np.isfinite(drive.read("prediction_error")))
+    for port, value in zip(PORTS[1:], before, strict=True):
         np.testing.assert_array_equal(drive.read(port), value)
 
 

@@ -5,9 +5,6 @@ from mirte_drake.visualization.report_figures import coverage_figure, solve_time
 COUNT = 20
 LOG = {
     "time": 0.1 * np.arange(COUNT),
-    "pose": np.zeros((COUNT, 3)),
-    "nominal_next": np.zeros((COUNT, 3)),
-    "half_width": np.full((COUNT, 3), 0.1),
     "solve_time_s": np.linspace(1e-3, 2e-3, COUNT),
 }
 
@@ -17,27 +14,24 @@ def line(axes, label):
 
 
 def test_who_leaves_the_tube_is_marked_and_counted():
-    pose = np.zeros((COUNT, 3))
-    pose[4, 1], pose[9, 1] = 0.11, -0.1  # The second is on the edge.
-    panels = tube_figure({**LOG, "pose": pose}).axes
+    error, bound = np.zeros((COUNT - 1, 3)), np.full((COUNT - 1, 3), 0.1)
+    error[3, 1], error[8, 1] = 0.11, -0.1  # The second is on the edge.
+    panels = tube_figure(LOG["time"], error, bound).axes
     titles = [axes.get_title(loc="right") for axes in panels]
     assert titles == ["outside 0 of 19", "outside 1 of 19", "outside 0 of 19"]
     np.testing.assert_allclose(line(panels[1], "outside").get_xydata(), [[0.4, 0.11]])
+    np.testing.assert_allclose(line(panels[1], "robot").get_ydata(), error[:, 1])
 
 
-def test_a_pose_is_compared_with_the_prediction_of_the_sample_before():
-    nominal_next = np.zeros((COUNT, 3))
-    nominal_next[3, 0] = 0.05
-    panels = tube_figure({**LOG, "nominal_next": nominal_next}).axes
-    error = line(panels[0], "pose")
-    np.testing.assert_allclose(error.get_ydata()[error.get_xdata() == 0.4], [-0.05])
-
-
-def test_yaw_beyond_a_turn_is_no_error():
-    pose = np.zeros((COUNT, 3))
-    pose[:, 2] = 2 * np.pi
-    panels = tube_figure({**LOG, "pose": pose}).axes
-    np.testing.assert_allclose(line(panels[2], "pose").get_ydata(), 0, atol=1e-12)
+def test_velocities_stand_beside_their_axes():
+    error = np.tile(np.arange(6.0), (COUNT - 1, 1))
+    panels = tube_figure(LOG["time"], error, np.full(error.shape, 4.5)).axes
+    shown = [(axes.get_ylabel(), line(axes, "robot").get_ydata()[0]) for axes in panels]
+    assert [value for _, value in shown] == [0, 3, 1, 4, 2, 5]
+    assert [label.partition("[")[2] for label, _ in shown] == [
+        *("m]", "m/s]", "m]", "m/s]", "rad]", "rad/s]")
+    ]
+    assert [axes.get_title(loc="right")[:9] for axes in panels] == ["outside 0"] * 5 + ["outside 1"]
 
 
 def test_solve_times_stand_against_the_period():
@@ -51,8 +45,8 @@ def test_coverage_of_both_sets_and_the_size_of_the_calibrated_one():
     coverage = np.column_stack([np.linspace(0.5, 1.0, COUNT), np.full(COUNT, 0.9)])
     bound = np.linspace(1.0, 3.0, COUNT)[:, None] * [0.04, 0.03, 0.09]
     log = {**LOG, "coverage": coverage, "calibrated_bound": bound}
-    shares, size = coverage_figure(log, 0.9).axes
+    shares, size = coverage_figure(log, 0.9, [0.02, 0.015, 0.045]).axes
     np.testing.assert_allclose(line(shares, "set in use").get_ydata(), 100 * coverage[:, 0])
     np.testing.assert_allclose(line(shares, "calibrated").get_ydata(), 90.0)
     np.testing.assert_allclose(line(shares, "target: 90 %").get_ydata(), 90.0)
-    np.testing.assert_allclose(size.get_lines()[0].get_ydata(), np.linspace(1.0, 3.0, COUNT))
+    np.testing.assert_allclose(size.get_lines()[0].get_ydata(), np.linspace(2.0, 6.0, COUNT))
