@@ -14,7 +14,7 @@ from pathlib import Path
 
 from mirte_drake.run import simulate
 from mirte_drake.run_summary import save_run, summarise
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 from mirte_drake.visualization.figures import save_figures
 
 

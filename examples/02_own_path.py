@@ -18,7 +18,8 @@ import numpy as np
 from mirte_drake.control.waypoint_path import WaypointPath
 from mirte_drake.run import simulate
 from mirte_drake.run_summary import save_run, summarise
-from mirte_drake.scenario import Scenario, load_scenario
+from mirte_drake.scenario import Scenario
+from mirte_drake.scenario_file import load_scenario
 from mirte_drake.visualization.figures import save_figures
 
 FILE = Path(__file__).with_name("own_path.scenario.yaml")

@@ -17,7 +17,7 @@ import numpy as np
 
 from mirte_drake.run import simulate
 from mirte_drake.run_summary import summarise
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 
 CHOICES = {
     "as published": [],

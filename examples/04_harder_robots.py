@@ -13,7 +13,7 @@ Prints:
 from mirte_drake.robots.names import robot_override
 from mirte_drake.run import simulate
 from mirte_drake.run_summary import summarise
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 
 
 def main() -> None:

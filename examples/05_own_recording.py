@@ -20,7 +20,7 @@ from mirte_drake.identification.validation import validate_model
 from mirte_drake.model.model_file import load_model, save_model_file
 from mirte_drake.run import simulate
 from mirte_drake.run_summary import summarise
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 
 STATES = ("x", "y", "theta")
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from mirte_drake.replay import write_replay
 from mirte_drake.run import simulate
 from mirte_drake.run_summary import save_run
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 
 FILE = Path(__file__).with_name("own_path.scenario.yaml")
 

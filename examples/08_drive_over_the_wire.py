@@ -20,7 +20,7 @@ import numpy as np
 from mirte_drake.drive import drive
 from mirte_drake.hardware.messages import GuardStatus
 from mirte_drake.run_summary import summarise
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 from mirte_drake.wire_session import wire_to
 
 WIRE = "udpm://239.255.76.67:7668?ttl=0"  # Loopback; a port of its own.

@@ -13,7 +13,7 @@ from pydrake.systems.framework import BasicVector, DiagramBuilder, LeafSystem
 
 from mirte_drake.assembly import AddController, AddReference
 from mirte_drake.model.model_file import load_model
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 
 
 class LaggingRobot(LeafSystem):

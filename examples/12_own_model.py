@@ -20,7 +20,7 @@ from mirte_drake.geometry import FORWARD_KINEMATICS, PWM_SPEED
 from mirte_drake.model.model_file import ModelFile, save_model_file
 from mirte_drake.run import simulate
 from mirte_drake.run_summary import summarise
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 
 INPUTS = ("u1", "u2", "u3", "u4")
 

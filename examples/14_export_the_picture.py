@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 
 from mirte_drake.assembly import MakeController, MakeDiagram
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 from mirte_drake.visualization.diagram_picture import save_diagram_picture
 
 

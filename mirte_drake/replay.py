@@ -15,7 +15,8 @@ from mirte_drake.geometry import wheel_speeds
 from mirte_drake.live_view import scene_stage
 from mirte_drake.robots.robot_description import robot_sdf
 from mirte_drake.run_summary import RUN_FILES
-from mirte_drake.scenario import Scenario, load_planning_model, load_scenario
+from mirte_drake.scenario import Scenario, load_planning_model
+from mirte_drake.scenario_file import load_scenario
 from mirte_drake.vectors import POSE, POSE_SIZE, WHEELS, YAW
 from mirte_drake.visualization.replay_page import replay_page
 from mirte_drake.visualization.scene.frame import Frame, Trail

@@ -14,7 +14,8 @@ from mirte_drake.errors import UserError
 from mirte_drake.files import read_text
 from mirte_drake.robots.names import robot_name
 from mirte_drake.run_summary import REPLAY_FILE, RUN_FILES
-from mirte_drake.scenario import Scenario, load_scenario
+from mirte_drake.scenario import Scenario
+from mirte_drake.scenario_file import load_scenario
 from mirte_drake.systems.pose_lqr import PoseLqrConfig
 from mirte_drake.systems.pose_pid import PosePidConfig
 from mirte_drake.visualization.comparison_report import comparison_report

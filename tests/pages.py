@@ -16,7 +16,7 @@ from pathlib import Path
 from wire_processes import WIRES, robot_process
 
 from mirte_drake.cli import main
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 
 NOT_RUN = re.compile(r"<!-- not run: (.*) -->")
 FENCE = re.compile(r"^ {0,3}(`{3,})(?:\{([\w-]+)\})? ?(.*)$")

@@ -8,7 +8,7 @@ from disturbed_robot import disturbed_successor
 from mirte_drake.adversary import closeness, disturbed, gradient, play, search_disturbance
 from mirte_drake.model.model_file import load_model
 from mirte_drake.run import Run
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 
 W_MAX = np.array([0.04, 0.03, 0.09])
 MODEL = load_model("extended_kinematic")

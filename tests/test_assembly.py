@@ -28,12 +28,8 @@ from mirte_drake.robots.odometry_sensor import OdometrySensorConfig
 from mirte_drake.robots.robot_ports import RobotPorts
 from mirte_drake.robots.sindyc_robot import SindycRobotConfig
 from mirte_drake.run import simulate as simulate_run
-from mirte_drake.scenario import (
-    Scenario,
-    load_prediction_model,
-    load_scenario,
-    scenario_names,
-)
+from mirte_drake.scenario import Scenario, load_prediction_model
+from mirte_drake.scenario_file import load_scenario, scenario_names
 from mirte_drake.systems.ancillary_inversion import AncillaryInversionConfig
 from mirte_drake.systems.coverage_monitor import CoverageMonitorConfig
 from mirte_drake.systems.disturbance_source import CornerDisturbance, NoDisturbance

@@ -8,7 +8,7 @@ import pytest
 from cli_runner import check_wrong_use, run_cli
 
 from mirte_drake.cli import commands
-from mirte_drake.scenario import scenario_names
+from mirte_drake.scenario_file import scenario_names
 
 QUICK = ["--set", "duration=0.5", "--no-plots"]
 

@@ -6,7 +6,7 @@ from mirte_drake.collect import collect_scenario
 from mirte_drake.control.excitation import ExcitationConfig
 from mirte_drake.identification.csv_file import HEADER
 from mirte_drake.identification.recorded_run import load_recorded_run
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 
 SHORT = ["--duration", "4"]
 

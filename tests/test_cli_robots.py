@@ -10,7 +10,7 @@ from pydrake.multibody.plant import MultibodyPlant
 
 from mirte_drake.identification.recorded_run import load_recorded_run
 from mirte_drake.robots.robot_description import robot_sdf
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 
 QUICK = ["--set", "duration=0.5", "--no-plots"]
 

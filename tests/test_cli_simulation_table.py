@@ -1,7 +1,7 @@
 from mirte_drake.cli.simulation import summary_table
 from mirte_drake.run import simulate
 from mirte_drake.run_summary import summarise
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 
 
 def rows(*overrides) -> dict[str, str]:

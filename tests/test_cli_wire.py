@@ -16,7 +16,7 @@ from mirte_drake.identification.bag_file import load_bag
 from mirte_drake.identification.csv_file import load_csv
 from mirte_drake.run import simulate
 from mirte_drake.run_summary import summarise
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 
 # One after the other: they run in real time, in several processes each.
 pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("wire")]

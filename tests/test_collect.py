@@ -16,7 +16,8 @@ from mirte_drake.model.model_file import load_model, load_model_file
 from mirte_drake.robots.odometry_sensor import OdometrySensorConfig, body_increment, next_pose
 from mirte_drake.robots.robot_ports import RobotPorts
 from mirte_drake.robots.sindyc_robot import AddSindycRobot, SindycRobotConfig
-from mirte_drake.scenario import Scenario, load_scenario
+from mirte_drake.scenario import Scenario
+from mirte_drake.scenario_file import load_scenario
 
 SHORT = ExcitationConfig(duration=12.0, random_duration=6.0)
 # [m/s, m/s, rad/s] One tick of one wheel.

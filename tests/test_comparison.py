@@ -16,7 +16,7 @@ from mirte_drake.comparison import (
 )
 from mirte_drake.errors import UserError
 from mirte_drake.robots.names import ROBOTS, robot_override
-from mirte_drake.scenario import load_scenario, scenario_names
+from mirte_drake.scenario_file import load_scenario, scenario_names
 
 SHORT = ("duration=1",)
 BLANK = dc.replace(Outcome(*[0] * len(dc.fields(Outcome))), samples=11)

@@ -9,7 +9,7 @@ from mirte_drake.drive import collect_over_wire, drive
 from mirte_drake.robots.lcm_robot import LcmRobotConfig
 from mirte_drake.run import simulate
 from mirte_drake.run_summary import summarise
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 
 SESSION = 77
 

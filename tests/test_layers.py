@@ -16,7 +16,7 @@ LAYERS = [
     {"identification"},  # A leaf: nobody below the command line needs it.
     {"hardware"},  # Wire formats and safety: knows nothing of Diagrams but what LCM needs.
     {"systems", "robots"},
-    {"scenario"},
+    {"scenario", "scenario_file"},
     {"controllers", "robot_assembly"},
     {"assembly"},
     {"containment"},

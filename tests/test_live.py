@@ -5,7 +5,7 @@ import pytest
 from meshcat_spy import MeshcatSpy
 
 from mirte_drake.live import IDLE, KeptTime, watch
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 from mirte_drake.visualization.run_controls import PAUSE, RESTART, SPEED, STOP
 
 pytestmark = [

@@ -14,7 +14,8 @@ from mirte_drake.robots.floor import FrictionPatch
 from mirte_drake.robots.multibody_robot import MultibodyRobotConfig
 from mirte_drake.robots.names import ROBOTS, robot_override
 from mirte_drake.run import simulate
-from mirte_drake.scenario import Scenario, load_scenario, scenario_names
+from mirte_drake.scenario import Scenario
+from mirte_drake.scenario_file import load_scenario, scenario_names
 from mirte_drake.systems.velocity_setpoint import VelocitySetpointConfig
 from mirte_drake.visualization.live_disturbance import PUSH, PUSH_BUTTON, SIZE_SLIDER
 

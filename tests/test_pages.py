@@ -10,7 +10,7 @@ from mirte_drake.replay import load_run, run_page
 from mirte_drake.robots.names import robot_override
 from mirte_drake.run import simulate
 from mirte_drake.run_summary import save_run
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 from mirte_drake.visualization.live_disturbance import PUSH_BUTTON
 from mirte_drake.visualization.meshcat_server import local_meshcat
 from mirte_drake.visualization.run_controls import STOP

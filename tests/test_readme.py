@@ -22,7 +22,7 @@ from mirte_drake.identification.synthetic_recording import (
 from mirte_drake.robots.names import ROBOTS, robot_override
 from mirte_drake.run import simulate
 from mirte_drake.run_summary import summarise
-from mirte_drake.scenario import load_scenario, scenario_names
+from mirte_drake.scenario_file import load_scenario, scenario_names
 from mirte_drake.visualization.run_controls import RunControls, Wish
 
 README_FILE = Path(__file__).parents[1] / "README.md"

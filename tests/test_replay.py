@@ -23,7 +23,7 @@ from mirte_drake.replay import (
 from mirte_drake.run import samples as samples_of
 from mirte_drake.run import simulate
 from mirte_drake.run_summary import save_run
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 
 LIMIT = 5_000_000  # Bytes.
 

@@ -11,7 +11,7 @@ from mirte_drake.reporting import load_run, save_comparison, save_report
 from mirte_drake.robots.names import robot_override
 from mirte_drake.run import simulate
 from mirte_drake.run_summary import RUN_FILES, save_run
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 
 SETTINGS = [robot_override("dynamic"), "duration=1"]
 

@@ -13,7 +13,7 @@ import pytest
 from mirte_drake.adversary import closeness, search_disturbance
 from mirte_drake.run import Run, simulate
 from mirte_drake.run_summary import summarise
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 
 W_MAX = np.array([0.04, 0.03, 0.09])
 CORNERS = [(corner * W_MAX).tolist() for corner in itertools.product((-1, 1), repeat=3)]

@@ -17,7 +17,7 @@ from mirte_drake.errors import UserError
 from mirte_drake.model.model_file import load_model
 from mirte_drake.run import Run, simulate
 from mirte_drake.run_summary import save_run, summarise
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 from mirte_drake.systems.wheel_command_limiter import limit_wheel_command
 
 W_MAX = np.array([0.04, 0.03, 0.09])

@@ -7,7 +7,7 @@ from scripted_link import ScriptedLink
 from mirte_drake.hardware.link import Role
 from mirte_drake.hardware.messages import Odometry, WheelCommand
 from mirte_drake.robot_assembly import MakeRobot
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 from mirte_drake.stand_in import PERIOD, StandIn
 
 FORWARD = np.full(4, 50.0)

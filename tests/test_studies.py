@@ -11,7 +11,7 @@ from mirte_drake.control.nmpc_solver import make_nmpc_solver
 from mirte_drake.control.tracking_problem import cost_and_gradient, join
 from mirte_drake.run import Run, simulate
 from mirte_drake.run_summary import summarise
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 
 # RMSE of an independent implementation, with independent identically distributed disturbances
 # at one seed: x [m], y [m], yaw [rad].

@@ -26,7 +26,7 @@ from mirte_drake.model.model_file import load_model, load_model_file
 from mirte_drake.replay import write_replay
 from mirte_drake.run import Run, simulate
 from mirte_drake.run_summary import save_run
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 STYLE = {

@@ -7,13 +7,8 @@ from collections.abc import Sequence
 import yaml
 
 from mirte_drake.errors import UserError
-from mirte_drake.scenario import (
-    Scenario,
-    WiredRobotConfig,
-    load_scenario,
-    scenario_names,
-    scenario_stem,
-)
+from mirte_drake.scenario import Scenario, WiredRobotConfig
+from mirte_drake.scenario_file import load_scenario, scenario_names, scenario_stem
 
 # Of the scenarios that drive the same path by different controllers.
 CONTROLLERS = ("pid_", "lqr_", "baseline_", "", "rigorous_", "lagged_")

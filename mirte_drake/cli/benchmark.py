@@ -59,7 +59,8 @@ def benchmark(
     )
     from mirte_drake.benchmark.table import table
     from mirte_drake.files import replacing_results, write_json
-    from mirte_drake.scenario import load_planning_model, load_scenario, scenario_stem
+    from mirte_drake.scenario import load_planning_model
+    from mirte_drake.scenario_file import load_scenario, scenario_stem
     from mirte_drake.visualization.benchmark_figure import BENCHMARK_FILES, save_benchmark_figure
 
     scenario = load_scenario(name, overrides)

@@ -70,9 +70,10 @@ def campaign(
     Prints medians of each cell with their 95 % confidence intervals: RMSE of the true pose, how
     often a command's increments change their sign (turns), the share of samples in which a wheel
     is at its limit; then, over the samples of all runs, the share in which the true pose was in
-    the tube and in which the measured one was in the tube around its prediction (next). Lost is a
-    run that was ever more than 1 m or a quarter turn from its reference; a failed one could not
-    be run, and its row says why.
+    the tube and in which the measured one was in the tube around its prediction (next); with a
+    coverage monitor, the shares of the one-step errors that the set in use and the calibrated one
+    held. Lost is a run that was ever more than 1 m or a quarter turn from its reference; a failed
+    one could not be run, and its row says why.
 
     Writes runs.csv and, with pyarrow, runs.parquet, a row each run; summary.json; and the folder
     results, with what is needed to go on.

@@ -54,7 +54,8 @@ def collect(
     from mirte_drake.control.excitation import ExcitationConfig
     from mirte_drake.identification.csv_file import save_csv
     from mirte_drake.identification.recorded_run import RecordedRun, repaired
-    from mirte_drake.scenario import WiredRobotConfig, load_scenario, scenario_stem
+    from mirte_drake.scenario import WiredRobotConfig
+    from mirte_drake.scenario_file import load_scenario, scenario_stem
 
     excitation = ExcitationConfig(duration=duration, random_duration=duration / 2)
     try:

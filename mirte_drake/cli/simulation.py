@@ -18,7 +18,7 @@ from mirte_drake.cli.options import (
 @commands.command()
 def scenarios() -> None:
     """Lists the scenarios that come with the package."""
-    from mirte_drake.scenario import load_scenario, scenario_names
+    from mirte_drake.scenario_file import load_scenario, scenario_names
 
     for name in scenario_names():
         click.echo(f"{name:28}{load_scenario(name).description}")
@@ -52,7 +52,7 @@ def simulate(
     from mirte_drake.reporting import REPORT_FILE, save_report
     from mirte_drake.run import simulate as run_scenario
     from mirte_drake.run_summary import REPLAY_FILE, RUN_FILES, save_run
-    from mirte_drake.scenario import load_scenario, scenario_stem
+    from mirte_drake.scenario_file import load_scenario, scenario_stem
     from mirte_drake.visualization.figures import FIGURE_FILES, save_figures
 
     if seed is not None:
@@ -107,7 +107,7 @@ def diagram(
     The SVG adapts itself to a light or a dark screen.
     """
     from mirte_drake.assembly import MakeDiagram
-    from mirte_drake.scenario import load_scenario, scenario_names, scenario_stem
+    from mirte_drake.scenario_file import load_scenario, scenario_names, scenario_stem
     from mirte_drake.visualization.diagram_picture import save_diagram_picture
 
     if (name is None) != everything:

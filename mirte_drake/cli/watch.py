@@ -33,7 +33,7 @@ def watch(
     """
     from mirte_drake.live import watch as watch_scenario
     from mirte_drake.pacing import WireStopped, interruption
-    from mirte_drake.scenario import load_scenario
+    from mirte_drake.scenario_file import load_scenario
     from mirte_drake.visualization.meshcat_server import local_meshcat
 
     if seed is not None:

@@ -66,7 +66,8 @@ def robot(
     from mirte_drake.hardware.link import Role
     from mirte_drake.hardware.wire_config import open_link
     from mirte_drake.pacing import WireStopped, interruption
-    from mirte_drake.scenario import load_scenario, wired_robot
+    from mirte_drake.scenario import wired_robot
+    from mirte_drake.scenario_file import load_scenario
     from mirte_drake.stand_in import StandIn
 
     wired = wired_robot(load_scenario(name, (*transport, *wire)))
@@ -117,7 +118,7 @@ def drive(
     A guard watches over it, see the README. Writes what `simulate` writes, and a bag that
     Foxglove, PlotJuggler and `identify` read.
     """
-    from mirte_drake.scenario import load_scenario, scenario_stem
+    from mirte_drake.scenario_file import load_scenario, scenario_stem
 
     scenario = load_scenario(name, (*transport, *overrides, *wire))
     stem = scenario_stem(name)
@@ -148,7 +149,7 @@ def setpoint(
     output: Path | None,
 ) -> None:
     """Drives at the body velocity VX VY [m/s] YAW_RATE [rad/s], tracked as a pose reference."""
-    from mirte_drake.scenario import load_scenario
+    from mirte_drake.scenario_file import load_scenario
 
     reference = (
         f"reference=!VelocitySetpointConfig {{setpoint: {list(velocity)}}}",
@@ -220,7 +221,8 @@ def guard(
     Limits are those of the scenario NAME, `robot.governor`. Ends with Ctrl-C, wheels at rest.
     """
     from mirte_drake.hardware.guard_process import GuardSetup, serve
-    from mirte_drake.scenario import load_scenario, wired_robot
+    from mirte_drake.scenario import wired_robot
+    from mirte_drake.scenario_file import load_scenario
 
     scenario = load_scenario(name, (*transport, *overrides, *wire))
     wired = wired_robot(scenario)
@@ -238,7 +240,8 @@ def stop(transport: tuple[str, ...], wire: tuple[str, ...], reset: bool) -> None
     """Stops all wheels at once, by the guard and by zeros of its own."""
     from mirte_drake.hardware.link import Role
     from mirte_drake.hardware.wire_config import open_link
-    from mirte_drake.scenario import load_scenario, wired_robot
+    from mirte_drake.scenario import wired_robot
+    from mirte_drake.scenario_file import load_scenario
     from mirte_drake.wire_session import reset_guard, stop_all
 
     if not transport:

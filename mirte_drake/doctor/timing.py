@@ -8,7 +8,8 @@ import numpy as np
 
 from mirte_drake.doctor.finding import Finding, Grade
 from mirte_drake.run import simulate
-from mirte_drake.scenario import Scenario, load_scenario
+from mirte_drake.scenario import Scenario
+from mirte_drake.scenario_file import load_scenario
 
 SCENARIO, DURATION = "rectangle", 5.0  # [s] What is driven to measure.
 TIMER_PERIOD, TIMER_COUNT = 0.01, 100  # [s]

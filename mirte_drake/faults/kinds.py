@@ -30,7 +30,7 @@ from mirte_drake.faults.oracle import (
 from mirte_drake.faults.sabotage import Sabotage
 from mirte_drake.hardware.link import Role
 from mirte_drake.hardware.messages import DriveCommand, Odometry, WheelCommand
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 
 SCENARIO = "rectangle"
 _PATH = load_scenario(SCENARIO)

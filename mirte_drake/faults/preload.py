@@ -8,7 +8,7 @@ import gc
 
 from mirte_drake.faults import trial
 from mirte_drake.run import simulate
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 
 simulate(load_scenario(trial.SCENARIO, ["duration=0.2"]), "preload")
 gc.collect()

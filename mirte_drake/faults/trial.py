@@ -15,7 +15,8 @@ from mirte_drake.faults.kind import Kind
 from mirte_drake.faults.kinds import SCENARIO, find_kind
 from mirte_drake.faults.record import Record
 from mirte_drake.robots.names import robot_override
-from mirte_drake.scenario import Scenario, load_scenario
+from mirte_drake.scenario import Scenario
+from mirte_drake.scenario_file import load_scenario
 
 PATIENCE = 10.0  # [s] For the drive to begin.
 

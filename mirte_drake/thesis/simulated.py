@@ -8,7 +8,7 @@ import numpy as np
 from mirte_drake.angles import pose_error
 from mirte_drake.run import Run, simulate
 from mirte_drake.run_summary import summarise
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 from mirte_drake.thesis.published import CLAIM, RUN_TIME, YAW_ERROR
 from mirte_drake.visualization.comparison_figures import (
     commands_figure,

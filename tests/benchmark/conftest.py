@@ -5,7 +5,7 @@ import pytest
 
 from mirte_drake.control.tracking_problem import TrackingData, TrackingProblem
 from mirte_drake.model.model_file import load_model
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 from mirte_drake.systems.nominal_nmpc import make_tracking_problem
 
 

@@ -7,7 +7,7 @@ from mirte_drake.benchmark.first_call import STAGES, first_call
 from mirte_drake.benchmark.problems import drive, tracking_problem
 from mirte_drake.benchmark.solvers import make_solver
 from mirte_drake.run import simulate
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 
 
 @pytest.fixture(scope="module")

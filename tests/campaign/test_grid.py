@@ -13,7 +13,7 @@ from mirte_drake.campaign.grid import (
 from mirte_drake.errors import UserError
 from mirte_drake.robots.multibody_robot import MultibodyRobotConfig
 from mirte_drake.robots.sindyc_robot import SindycRobotConfig
-from mirte_drake.scenario import scenario_names
+from mirte_drake.scenario_file import scenario_names
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from mirte_drake.robots.names import robot_override
 from mirte_drake.robots.sindyc_robot import SindycRobotConfig
 from mirte_drake.run import Run, simulate
 from mirte_drake.run_summary import summarise
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 
 
 @functools.cache

@@ -8,7 +8,7 @@ from mirte_drake.campaign.outcome import Failure, run_outcome
 from mirte_drake.campaign.store import load_result, save_result, scenario_key
 from mirte_drake.errors import UserError
 from mirte_drake.model.model_file import load_model_file, save_model_file
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 
 SCENARIO = load_scenario("rectangle", ["duration=0.5"])
 

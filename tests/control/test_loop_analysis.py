@@ -12,7 +12,7 @@ from mirte_drake.control.loop_analysis import (
     spectral_radius,
 )
 from mirte_drake.model.model_file import load_model
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 from mirte_drake.systems.ancillary_lagged import AncillaryLaggedConfig
 from mirte_drake.systems.state_estimator import StateEstimatorConfig
 

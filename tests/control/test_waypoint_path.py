@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from mirte_drake.angles import wrap_angle
 from mirte_drake.control.waypoint_path import WaypointPath
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 from mirte_drake.typed_yaml import write_typed
 
 TS = 0.1

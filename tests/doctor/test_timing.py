@@ -11,7 +11,7 @@ from mirte_drake.doctor.timing import (
     grade_solves,
     timing_scenario,
 )
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 
 
 class Clock:

@@ -4,7 +4,7 @@ from mirte_drake.reporting import load_run
 from mirte_drake.robots.names import robot_override
 from mirte_drake.run import simulate
 from mirte_drake.run_summary import save_run
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 
 SETTINGS = {
     "rectangle": ("rectangle", []),

@@ -10,7 +10,7 @@ from pydrake.systems.primitives import ZeroOrderHold
 
 from mirte_drake.assembly import MakeDiagram
 from mirte_drake.robots.names import robot_override
-from mirte_drake.scenario import load_scenario, scenario_names
+from mirte_drake.scenario_file import load_scenario, scenario_names
 from mirte_drake.visualization.diagram_picture import diagram_dot, save_diagram_picture
 
 DIAGRAMS = Path(__file__).parents[2] / "diagrams"

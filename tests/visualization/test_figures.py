@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from mirte_drake.run import simulate
-from mirte_drake.scenario import load_scenario
+from mirte_drake.scenario_file import load_scenario
 from mirte_drake.visualization.figures import (
     error_figure,
     input_figure,
