@@ -19,7 +19,10 @@ Log = Mapping[str, np.ndarray]
 
 
 class TubeErrors(NamedTuple):
-    """Errors (K, n) of samples, and the bounds (K, n) that the tube has on them."""
+    """Errors (K, n) of samples, and the bounds (K, n) that the tube has on them.
+
+    Of a sample without a measurement, which is NaN, nothing is beyond.
+    """
 
     error: np.ndarray
     bound: np.ndarray

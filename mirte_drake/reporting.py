@@ -44,13 +44,15 @@ def load_run(folder: Path) -> ReportedRun:
     except (ValueError, OSError, EOFError, BadZipFile) as error:
         file = summary_file if isinstance(error, json.JSONDecodeError) else log_file
         raise UserError(f"{file}: is damaged; run it again") from None
+    successors = of_successors(arrays) if scenario.has_tube else None
     return ReportedRun(
         name=summary["scenario"],
         description=scenario.description,
         robot=robot_name(scenario.robot),
         controller=_controller_name(scenario),
-        tube=of_successors(arrays) if scenario.has_tube else None,
+        tube=(*successors, successors.outside) if successors else None,
         why_outside=_why_outside(scenario),
+        disturbance_bound=scenario.disturbance_bound,
         period=scenario.period,
         input_limit=scenario.input_limit,
         scenario=read_text(scenario_file),

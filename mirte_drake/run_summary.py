@@ -78,21 +78,19 @@ def _coverage_summary(run: Run) -> dict[str, object]:
     errors = np.abs(log["prediction_error"])
     seen = np.all(np.isfinite(errors[1:]), axis=1)  # The first sample has no prediction.
     error, bound = errors[1:][seen], log["calibrated_bound"][:-1][seen]
+    misses = {"in_use": _count(error > in_use), "calibrated": _count(error > bound)}
     warnings = np.sum(log["coverage_warning"], axis=0)
     return {
         "target": config.target,
         "errors": len(error),
-        "bound_in_use": in_use.tolist(),
-        "in_use": _share(np.all(error <= in_use, axis=1)),
-        "calibrated": _share(np.all(error <= bound, axis=1)),
+        "misses": misses,
+        **{
+            key: 1.0 - missed / len(error) if len(error) else None for key, missed in misses.items()
+        },
         "beyond_cap": _count(error > config.cap * in_use),
         "mean_calibrated_bound": np.mean(log["calibrated_bound"], axis=0).tolist(),
         "warnings": {"in_use": int(warnings[0]), "calibrated": int(warnings[1])},
     }
-
-
-def _share(held: np.ndarray) -> float | None:
-    return float(np.mean(held)) if len(held) else None
 
 
 def _wire_summary(run: Run) -> dict[str, object]:

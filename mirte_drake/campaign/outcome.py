@@ -139,12 +139,10 @@ def _tube_violations(run: Run, summary: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _misses(coverage: Mapping[str, Any] | None) -> dict[str, Any]:
-    errors = None if coverage is None else coverage["errors"]
-    misses = {"errors": errors}
-    for key in ("in_use", "calibrated"):
-        held = coverage[key] if coverage is not None and errors else None
-        misses[f"{key}_misses"] = errors if held is None else round((1.0 - held) * errors)
-    return misses
+    if coverage is None:
+        return {"errors": None, "in_use_misses": None, "calibrated_misses": None}
+    misses = {f"{key}_misses": missed for key, missed in coverage["misses"].items()}
+    return {"errors": coverage["errors"], **misses}
 
 
 def saturation(commands: np.ndarray, limit: float) -> float:

@@ -3,7 +3,7 @@
 Four wheels move three velocities. Of the inputs that give a wanted velocity v the one taken is
 near a given input u0: u - u0 is a combination of the rows of the Jacobian J at u0, as the
 pseudo-inverse gives it, n'(u - u0) = 0 for the null vector n of J. Where a wheel would go beyond a
-limit, n'(u - u0) is moved away from zero, as little as the limits ask for.
+limit, n'(u - u0) is moved away from zero, no farther than the limits ask for there.
 """
 
 from typing import NamedTuple
@@ -217,17 +217,20 @@ def _sweep(
     The inputs that give it are a curve along n'(u - near) = s, which bends: where limits bind, the
     s that they leave may not be reached by small steps from one that they left before.
     """
+    if not np.any(mapping.quadratic):
+        return near, False  # The curve is a line: Newton's method has seen all of it.
     n = null_vector(jacobian(mapping, near))
     spacing = np.sum(np.abs(n) * np.maximum(upper - near, near - lower)) / SWEEP
     points, excess = np.empty((2 * SWEEP + 1, 4)), np.full(2 * SWEEP + 1, np.inf)
     for way in (1, -1):
-        u = near
-        for k in range(SWEEP + 1):
-            u, given = _at(mapping, target, near, n, way * k * spacing, u)
-            if not given:
-                break
-            points[SWEEP + way * k], excess[SWEEP + way * k] = u, _excess(u, lower, upper)
-    for k in range(1, 2 * SWEEP):
+        start = near
+        for step in range(SWEEP + 1):
+            u, given = _at(mapping, target, near, n, way * step * spacing, start)
+            if given:
+                k = SWEEP + way * step
+                points[k], excess[k], start = u, _excess(u, lower, upper), u
+    for place in range(1, 2 * SWEEP):  # From s = 0 outwards, to both sides.
+        k = SWEEP + (place // 2 if place % 2 == 0 else -(place // 2))
         if excess[k] == np.inf or excess[k] > excess[k - 1] or excess[k] > excess[k + 1]:
             continue
         u, least = points[k], excess[k]
@@ -288,10 +291,10 @@ def invert(
 ) -> Inversion:
     """Returns the input near a given one that gives a wanted velocity.
 
-    Where no input within the limits gives it, the input goes as far as it can on the straight way
-    from the velocity of ``near`` to the wanted one, from ``near`` on: the change of velocity keeps
-    its direction. An input that gives more of it, but neither all nor by way of smaller changes,
-    is not looked for.
+    Where none within the limits is found to give it, the input goes as far as it can on the
+    straight way from the velocity of ``near`` to the wanted one, from ``near`` on: the change of
+    velocity keeps its direction. Inputs that give all of it are looked for by way of smaller
+    changes and on a grid along the null space, which can miss one that is far from ``near``.
 
     Args:
         mapping: The map from inputs to velocities.

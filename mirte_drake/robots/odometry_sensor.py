@@ -16,6 +16,7 @@ from mirte_drake.angles import rotation
 from mirte_drake.checks import check_array, check_number
 from mirte_drake.geometry import WHEEL_RADIUS, body_velocity
 from mirte_drake.model.drivetrain import MAX_DELAY
+from mirte_drake.sampling import sample_number
 from mirte_drake.vectors import POSE, POSE_SIZE, WHEELS, YAW
 
 
@@ -181,8 +182,7 @@ class OdometrySensor(LeafSystem):
 
     def _arrived(self, context: Context) -> np.ndarray:
         """The last reading (6,) that has arrived."""
-        # Forgiving round-off in the time.
-        arrived = math.floor(context.get_time() / self._config.period + 1e-6) - self._delay
+        arrived = int(sample_number(context.get_time(), self._config.period)) - self._delay
         waiting = int(self._value(context, self._newest)[0]) - arrived
         if waiting < 0 and self._delay == 0:
             return self._read(context)[0]

@@ -83,8 +83,8 @@ class StateEstimator(LeafSystem):
     stands still where it is measured.
 
     Outputs have feedthrough from ``pose``, not from ``wheel_command``: u_k may depend on them.
-    Where the measurement is not finite no output is, but for a bias of zero before the first pose;
-    the prediction is: it goes on by the commands alone.
+    Where the measurement is not finite no output is, but for velocity and bias of zero before the
+    first pose; the prediction is: it goes on by the commands alone.
 
     Raises:
         ValueError: when ``config`` is out of range (at construction).

@@ -1,6 +1,6 @@
 """Figures that a report has beside those of ``figures``: does the tube hold, is it in time."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,16 +13,18 @@ Log = Mapping[str, np.ndarray]
 _AXES = (("x", "m"), ("y", "m"), (r"\theta", "rad"))
 _VELOCITIES = (("v_x", "m/s"), ("v_y", "m/s"), (r"\dot\theta", "rad/s"))
 _OUTSIDE = {"ls": "", "marker": "x", "color": "black", "ms": 6, "mew": 1.4, "zorder": 4}
-_ROUNDING = 1e-9  # [m, rad]
 
 
-def tube_figure(time: np.ndarray, error: np.ndarray, bound: np.ndarray) -> Figure:
+def tube_figure(
+    time: np.ndarray, error: np.ndarray, bound: np.ndarray, outside: np.ndarray
+) -> Figure:
     """Draws how far each sample was from what the one before predicted, within the tube.
 
     Args:
         time: (K,) [s] of all samples.
         error: (K - 1, 3) of the poses, or (K - 1, 6) with velocities.
         bound: The same, of the tube.
+        outside: The same, whether the one is beyond the other.
     """
     columns = error.shape[1] // len(_AXES)
     figure = Figure(figsize=(5.2 if columns == 1 else 7.4, 4.6), layout="constrained")
@@ -34,7 +36,7 @@ def tube_figure(time: np.ndarray, error: np.ndarray, bound: np.ndarray) -> Figur
         axes.fill_between(time[1:], -half, half, step="mid", color="0.86", lw=0, label="tube")
         axes.axhline(0.0, color="black", lw=0.6)
         axes.plot(time[1:], errors, label="robot", **ACTUAL)
-        there = np.abs(errors) > half + _ROUNDING
+        there = outside[:, entry]
         axes.plot(time[1:][there], errors[there], label="outside", **_OUTSIDE)
         axes.set_ylabel(rf"${symbol}-\bar{{{symbol}}}$ [{unit}]")
         axes.set_title(f"outside {there.sum()} of {len(errors)}", loc="right", fontsize=9)
@@ -45,7 +47,7 @@ def tube_figure(time: np.ndarray, error: np.ndarray, bound: np.ndarray) -> Figur
     return figure
 
 
-def coverage_figure(log: Log, target: float, in_use: Sequence[float]) -> Figure:
+def coverage_figure(log: Log, target: float, in_use: np.ndarray) -> Figure:
     """Draws the running coverage of both disturbance sets, and the size of the calibrated one.
 
     Args:

@@ -35,10 +35,11 @@ class ReportedRun:
     description: str
     robot: str  # Its short name.
     controller: str  # In two words.
-    # Errors and bounds (K - 1, n) of samples against what was predicted for them; n is 3, or 6 in
-    # the robot's frame with velocities. None: there is no tube.
-    tube: tuple[np.ndarray, np.ndarray] | None
+    # Of samples against what was predicted for them: errors, bounds, and which are beyond, all
+    # (K - 1, n); n is 3, or 6 in the robot's frame with velocities. None: there is no tube.
+    tube: tuple[np.ndarray, np.ndarray, np.ndarray] | None
     why_outside: str  # Why a sample may leave the tube.
+    disturbance_bound: np.ndarray | None  # (3,) [m/s, m/s, rad/s] that coverage is judged by.
     period: float  # [s]
     input_limit: float  # [pwm]
     scenario: str  # YAML, as run.
@@ -120,9 +121,9 @@ def _plan_headline(run: ReportedRun) -> list[dict[str, str]]:
     if run.tube:
         outside = summary["successor_violations"]
         share = f"{100 * (1 - outside / samples):.1f} %"
-        items.append(_item("Next pose in the tube", share, f"outside at {outside} of {samples}"))
+        items.append(_item("Next sample in the tube", share, f"outside at {outside} of {samples}"))
     else:
-        items.append(_item("Next pose in the tube", "no tube", run.controller))
+        items.append(_item("Next sample in the tube", "no tube", run.controller))
     solve = summary["solve_time_ms"]
     note = f"longest {_ms(solve['max'])} of {1e3 * run.period:g}{NBSP}ms"
     items.append(_item("Solve time, median", _ms(solve["p50"]), note))
@@ -165,11 +166,12 @@ def _figures(page: Page, run: ReportedRun) -> list[dict[str, str]]:
         ]
     else:
         drawn.append(("Wheel commands.", lambda: input_figure(log, run.input_limit)))
-    if coverage := run.summary.get("coverage"):
+    coverage, in_use = run.summary.get("coverage"), run.disturbance_bound
+    if coverage is not None and in_use is not None:
         drawn.append((
             "Share of the last one-step errors that the disturbance set in use held, and the set "
             "that is calibrated while driving; below, how large that is.",
-            lambda: coverage_figure(log, coverage["target"], coverage["bound_in_use"]),
+            lambda: coverage_figure(log, coverage["target"], in_use),
         ))  # fmt: skip
     return [{"caption": caption, "svg": page.plot(draw, caption)} for caption, draw in drawn]
 
@@ -213,7 +215,7 @@ def _plan_numbers(run: ReportedRun) -> list[tuple[str, Any, str]]:
                 f"{samples}; none by construction, since the solver places the nominal pose so",
             ),
             (
-                "next pose outside the tube",
+                "next sample outside the tube",
                 summary["successor_violations"],
                 f"{samples}; {run.why_outside}",
             ),

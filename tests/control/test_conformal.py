@@ -133,6 +133,15 @@ def test_rejects_bad_settings(field, value):
         AdaptiveConformal(**{field: value}).validate()
 
 
+def test_a_window_shorter_than_the_quantile_takes_shrinks_once_it_is_full():
+    settings = AdaptiveConformal(target=0.9, gain=0.05, window=5, cap=10.0)
+    calibration, scales = first_calibration(settings, 1.0), []
+    for _ in range(6):
+        calibration = adapt(settings, calibration, 0.1)
+        scales.append(calibration.scale)
+    assert scales == [1.0] * 4 + [0.1] * 2
+
+
 def test_a_few_small_scores_do_not_make_the_set_smaller():
     settings = AdaptiveConformal(target=0.9, gain=0.05, window=50, cap=10.0)
     calibration, scales = first_calibration(settings, 1.0), []

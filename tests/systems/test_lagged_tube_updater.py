@@ -107,6 +107,20 @@ def test_two_updates_match_the_recursion(shape, make):
     np.testing.assert_allclose(read(simulator, "input_upper"), np.ravel(upper), rtol=1e-12)
 
 
+def test_a_wheel_whose_directions_differ_misses_more():
+    gain = np.full((2, 4), 0.2)
+    gain[1, 2] = 0.3  # 1.2 of the mean of both directions.
+    uneven = LaggedModel("uneven", LaggedParameters(lag=LAG, wheel_gain=gain))
+    config = LaggedTubeConfig(innovation_bound=BOUND)
+    kwargs = {"period": 0.1, "horizon": HORIZON, "input_limit": LIMIT}
+    simulator = simulate(LaggedTubeUpdater(config, uneven, LOOP, K, **kwargs))
+    simulator.AdvanceTo(0.05)
+    by_wheel = uneven.effective().steady_velocity_jacobian(np.zeros(4))
+    tube = ModeTube(LOOP, np.abs(by_wheel) @ [0.5, 0.5, 0.6, 0.5])
+    expected = tube.components(tube.advance(tube.start(), 0.03, BOUND)).T.ravel()
+    np.testing.assert_allclose(read(simulator, "error_bound"), expected, rtol=1e-12)
+
+
 def test_the_tube_follows_a_calibrated_bound():
     simulator, scaled = simulate(make_dut()), simulate(make_dut(innovation_bound=3 * BOUND))
     context = simulator.get_mutable_context()

@@ -16,7 +16,7 @@ def line(axes, label):
 def test_who_leaves_the_tube_is_marked_and_counted():
     error, bound = np.zeros((COUNT - 1, 3)), np.full((COUNT - 1, 3), 0.1)
     error[3, 1], error[8, 1] = 0.11, -0.1  # The second is on the edge.
-    panels = tube_figure(LOG["time"], error, bound).axes
+    panels = tube_figure(LOG["time"], error, bound, np.abs(error) > bound).axes
     titles = [axes.get_title(loc="right") for axes in panels]
     assert titles == ["outside 0 of 19", "outside 1 of 19", "outside 0 of 19"]
     np.testing.assert_allclose(line(panels[1], "outside").get_xydata(), [[0.4, 0.11]])
@@ -25,7 +25,8 @@ def test_who_leaves_the_tube_is_marked_and_counted():
 
 def test_velocities_stand_beside_their_axes():
     error = np.tile(np.arange(6.0), (COUNT - 1, 1))
-    panels = tube_figure(LOG["time"], error, np.full(error.shape, 4.5)).axes
+    bound = np.full(error.shape, 4.5)
+    panels = tube_figure(LOG["time"], error, bound, error > bound).axes
     shown = [(axes.get_ylabel(), line(axes, "robot").get_ydata()[0]) for axes in panels]
     assert [value for _, value in shown] == [0, 3, 1, 4, 2, 5]
     assert [label.partition("[")[2] for label, _ in shown] == [
@@ -45,7 +46,7 @@ def test_coverage_of_both_sets_and_the_size_of_the_calibrated_one():
     coverage = np.column_stack([np.linspace(0.5, 1.0, COUNT), np.full(COUNT, 0.9)])
     bound = np.linspace(1.0, 3.0, COUNT)[:, None] * [0.04, 0.03, 0.09]
     log = {**LOG, "coverage": coverage, "calibrated_bound": bound}
-    shares, size = coverage_figure(log, 0.9, [0.02, 0.015, 0.045]).axes
+    shares, size = coverage_figure(log, 0.9, np.array([0.02, 0.015, 0.045])).axes
     np.testing.assert_allclose(line(shares, "set in use").get_ydata(), 100 * coverage[:, 0])
     np.testing.assert_allclose(line(shares, "calibrated").get_ydata(), 90.0)
     np.testing.assert_allclose(line(shares, "target: 90 %").get_ydata(), 90.0)

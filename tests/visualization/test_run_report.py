@@ -27,11 +27,11 @@ def test_numbers_are_those_of_the_summary(reported_runs, blank_figures):
     shown = headline(text)
     assert shown["RMSE x"] == (f"{1e3 * rmse['x_m']:.1f}\u00a0mm", "against the reference")
     assert shown["Failed solves"] == ("0", "of 21")
-    assert shown["Next pose in the tube"][1].endswith("of 20")
+    assert shown["Next sample in the tube"][1].endswith("of 20")
     numbers = table(text)
     expected = ", ".join(f"{solve[key]:.2f}" for key in ("p50", "p99", "max"))
     assert numbers["solve time"] == f"{expected} ms"
-    assert numbers["next pose outside the tube"] == str(run.summary["successor_violations"])
+    assert numbers["next sample outside the tube"] == str(run.summary["successor_violations"])
     assert f"drake {run.summary['versions']['drake']}" in text
 
 
@@ -47,9 +47,9 @@ def test_figures_diagram_and_scenario_are_there(reported_runs):
 
 def test_the_baseline_has_no_tube(reported_runs, blank_figures):
     text = run_report(reported_runs["baseline_rectangle"], diagram=DIAGRAM)
-    assert headline(text)["Next pose in the tube"] == ("no tube", "baseline NMPC")
+    assert headline(text)["Next sample in the tube"] == ("no tube", "baseline NMPC")
     assert text.count('<figure class="plot">') == 4
-    assert "next pose outside the tube" not in table(text)
+    assert "next sample outside the tube" not in table(text)
 
 
 def test_where_odometry_measures_the_truth_stands_beside_it(reported_runs):
@@ -116,7 +116,7 @@ def test_other_tubes_have_all_that_the_published_one_has(name, reported_runs):
     text = run_report(run, diagram=DIAGRAM)
     assert text.count('<figure class="plot">') == (6 if name == "lagged_rectangle" else 5)
     assert "Tube NMPC on the" in text and "linearised" not in text
-    assert table(text)["next pose outside the tube"] == str(run.summary["successor_violations"])
+    assert table(text)["next sample outside the tube"] == str(run.summary["successor_violations"])
 
 
 def test_coverage_is_told_where_it_was_watched(reported_runs, blank_figures):
@@ -142,4 +142,4 @@ def test_a_run_of_one_sample_has_a_report(reported_runs):
     summary = {**run.summary, "steps": 1, "simulated_time_s": 0.0, "successor_violations": 0}
     none = tuple(values[:0] for values in run.tube)
     text = run_report(dc.replace(run, log=log, tube=none, summary=summary), diagram=DIAGRAM)
-    assert headline(text)["Next pose in the tube"] == ("100.0 %", "outside at 0 of 1")
+    assert headline(text)["Next sample in the tube"] == ("100.0 %", "outside at 0 of 1")
