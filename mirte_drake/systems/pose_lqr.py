@@ -16,10 +16,10 @@ from mirte_drake.vectors import POSE_SIZE, WHEELS
 
 @dc.dataclass
 class PoseLqrConfig:
-    """Config of PoseLqr."""
+    """Config of PoseLqr; the defaults are tuned: ``examples/16_tune_a_controller.py``."""
 
     state_weight: np.ndarray = dc.field(  # (3,) diagonal of Q, on [m, m, rad].
-        default_factory=lambda: np.full(3, 1000.0)
+        default_factory=lambda: np.array([404.0, 4560.0, 21.4])
     )
     input_weight: np.ndarray = dc.field(  # (4,) diagonal of R, on [pwm].
         default_factory=lambda: np.full(4, 0.001)

@@ -18,20 +18,23 @@ from mirte_drake.vectors import POSE_SIZE, WHEELS
 
 @dc.dataclass
 class PosePidConfig:
-    """Config of PosePid; gains of the axes forward, left and yaw."""
+    """Config of PosePid; gains of the axes forward, left and yaw.
+
+    The defaults are tuned: ``examples/16_tune_a_controller.py``.
+    """
 
     proportional: np.ndarray = dc.field(  # (3,) [1/s]
-        default_factory=lambda: np.array([2.0, 2.0, 2.0])
+        default_factory=lambda: np.array([2.94, 3.85, 3.95])
     )
     integral: np.ndarray = dc.field(  # (3,) [1/s^2]
-        default_factory=lambda: np.array([0.5, 0.5, 0.5])
+        default_factory=lambda: np.array([0.0556, 0.0726, 3.62])
     )
     derivative: np.ndarray = dc.field(  # (3,) [-]
-        default_factory=lambda: np.array([0.0, 0.0, 0.0])
+        default_factory=lambda: np.array([0.00789, 0.0103, 0.109])
     )
     # (3,) [-] factor on the reference velocity; 1 would do for wheels that turn as told.
-    feedforward: np.ndarray = dc.field(default_factory=lambda: np.array([1.0, 1.0, 1.0]))
-    preview: int = 0  # [samples] that the reference velocity is told earlier.
+    feedforward: np.ndarray = dc.field(default_factory=lambda: np.array([1.05, 1.02, 1.67]))
+    preview: int = 2  # [samples] that the reference velocity is told earlier.
 
     def validate(self) -> None:
         """Raises ValueError when a value is out of range."""
