@@ -14,6 +14,7 @@ from mirte_drake.scenario import Scenario
 from mirte_drake.vectors import WHEELS
 
 PERIOD = 0.1  # [s] Of the robot's odometry.
+ROUND_OFF = 1e-6  # [s] Of times that a clock which runs for years tells.
 CHUNK = 0.01  # [s] Simulated time lags the clock by no more, so that odometry is there when due.
 
 
@@ -114,5 +115,13 @@ class StandIn:
             self._sent_at = -np.inf
 
     def _advance(self, now: float) -> None:
-        if self._start is not None and now - self._start > self._context.get_time():
-            self._simulator.AdvanceTo(now - self._start)
+        if self._start is None:
+            return
+        simulated = now - self._start
+        # To the time of a sample, not beyond it by the clock's round-off, which grows with its
+        # reading: odometry is of before the updates of that instant.
+        sample = PERIOD * round(simulated / PERIOD)
+        if abs(simulated - sample) < ROUND_OFF:
+            simulated = sample
+        if simulated > self._context.get_time():
+            self._simulator.AdvanceTo(simulated)

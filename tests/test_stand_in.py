@@ -54,6 +54,21 @@ def test_it_stands_until_the_first_command_and_then_obeys_at_once():
     np.testing.assert_array_equal(robot.command, FORWARD)
 
 
+@pytest.mark.parametrize("start", [100.0, 9000.3, 1e6 + 0.7, 1e7 + 0.1])
+def test_velocity_is_that_of_the_motion_before_whatever_the_clock_reads(start):
+    """A clock's round-off grows with its reading: no disturbance may change before its time."""
+    link = ScriptedLink(Role.ROBOT)
+    link.now = start
+    robot = StandIn(load_scenario("rectangle"), link, link.clock)
+    link.at(start + 0.15, WheelCommand(FORWARD))
+    while link.now < start + 4.0:
+        robot.step()
+    yaw = np.array([message.pose[2] for _, message in link.sent])
+    rate = np.array([message.body_velocity[2] for _, message in link.sent])
+    assert np.ptp(rate) > 0.1
+    np.testing.assert_allclose(np.diff(yaw)[3:] / PERIOD, rate[4:], atol=0.01)
+
+
 def test_the_last_command_persists():
     robot, sent = run(still(), 5.0, [(0.2, FORWARD)])
     assert sent[-1][1].body_velocity[0] == pytest.approx(sent[5][1].body_velocity[0], rel=1e-2)
