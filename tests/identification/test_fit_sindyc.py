@@ -131,28 +131,33 @@ def test_without_noise_the_held_input_is_recovered_nearly_exactly():
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/status").is_file(), reason="asks /proc for its memory")
 def test_a_hundred_thousand_samples_cost_in_proportion():
-    """All three models within 10 s and 500 MB, in a process of its own.
+    """All three models: ten times the samples in ten times the time, and within 500 MB.
 
-    Its ``ru_maxrss`` would be that of the process which started it, where that is larger.
+    In a process of its own, whose ``ru_maxrss`` would be that of the one which started it, where
+    that is larger. How fast it is depends on what else is running, so times are a ratio.
     """
     code = """
 import re, time, numpy as np
 from mirte_drake.identification.fit_sindyc import identify
 from mirte_drake.identification.recorded_run import RecordedRun
-rng, n = np.random.default_rng(0), 100_000
-command = np.repeat(rng.uniform(-100, 100, (n // 20, 4)), 20, axis=0)
-velocity = command @ (1e-3 * rng.normal(size=(4, 3)))
-run = RecordedRun(0.1 * np.arange(n), 0.1 * np.cumsum(velocity, axis=0), velocity, command)
-start = time.process_time()
-for kind in ("kinematic", "extended_kinematic", "dynamic"):
-    identify(run, kind)
+def cost(n):
+    rng = np.random.default_rng(0)
+    command = np.repeat(rng.uniform(-100, 100, (n // 20, 4)), 20, axis=0)
+    velocity = command @ (1e-3 * rng.normal(size=(4, 3)))
+    run = RecordedRun(0.1 * np.arange(n), 0.1 * np.cumsum(velocity, axis=0), velocity, command)
+    start = time.process_time()
+    for kind in ("kinematic", "extended_kinematic", "dynamic"):
+        identify(run, kind)
+    return time.process_time() - start
+cost(1000)  # Loads what is loaded once.
+few, many = cost(10_000), cost(100_000)
 memory = re.search(r"VmHWM:\\s+(\\d+) kB", open("/proc/self/status").read())
-print(time.process_time() - start, memory[1])
+print(many / few, memory[1])
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    seconds, kilobytes = map(float, done.stdout.split())
-    assert seconds < 10.0
+    ratio, kilobytes = map(float, done.stdout.split())
+    assert ratio < 15.0
     assert kilobytes < 500_000
 
 
