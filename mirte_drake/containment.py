@@ -40,15 +40,14 @@ class TubeErrors(NamedTuple):
 
 def of_plans(log: Log) -> TubeErrors:
     """Returns those of the pose that a plan begins around, against its nominal one."""
-    pose = log["state"][:, POSE] if "state" in log else log["pose"]
-    return TubeErrors(pose_error(pose, log["nominal_pose"]), log["half_width"])
+    return TubeErrors(pose_error(_planned_pose(log), log["nominal_pose"]), log["half_width"])
 
 
 def of_successors(log: Log) -> TubeErrors:
     """Returns those of all but the first sample, against what the one before predicted."""
     if "error_bound" not in log:
-        pose = log["state"][:, POSE] if "state" in log else log["pose"]
-        return TubeErrors(pose_error(pose[1:], log["nominal_next"][:-1]), log["half_width"][1:])
+        error = pose_error(_planned_pose(log)[1:], log["nominal_next"][:-1])
+        return TubeErrors(error, log["half_width"][1:])
     predicted = np.hstack([log["nominal_next"], log["nominal_next_velocity"]])
     return _lagged(log["state"][1:], predicted[:-1], log["error_bound"][1:])
 
@@ -68,6 +67,11 @@ def of_true_poses(log: Log, delay: int) -> TubeErrors:
     states, plans = (np.hstack([poses, np.zeros_like(poses)]) for poses in (true, nominal[:known]))
     errors = _lagged(states, plans, log["error_bound"][:known])
     return TubeErrors(errors.error[:, :POSE_SIZE], errors.bound[:, :POSE_SIZE])
+
+
+def _planned_pose(log: Log) -> np.ndarray:
+    """Returns the poses (K, 3) that plans begin around: estimated ahead where a state is."""
+    return log["state"][:, POSE] if "state" in log else log["pose"]
 
 
 def _lagged(states: np.ndarray, nominal: np.ndarray, bound: np.ndarray) -> TubeErrors:
