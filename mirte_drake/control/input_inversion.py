@@ -126,6 +126,23 @@ def _room(
 
 
 @compiled
+def _equations(
+    mapping: InputMap, target: np.ndarray, near: np.ndarray, n: np.ndarray, u: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns Newton's equations (4, 4), (4,) for the target and n'(u - near) = 0, at u."""
+    J, v = jacobian(mapping, u), velocity(mapping, u)
+    system, right = np.empty((4, 4)), np.zeros(4)
+    for i in range(4):
+        for r in range(3):
+            system[r, i] = J[r, i]
+        system[3, i] = n[i]
+        right[3] += n[i] * (near[i] - u[i])
+    for r in range(3):
+        right[r] = target[r] - v[r]
+    return system, right
+
+
+@compiled
 def _newton(
     mapping: InputMap,
     target: np.ndarray,
@@ -141,18 +158,10 @@ def _newton(
     to it that is; on the way, where none is, the one in the middle of what the limits ask for.
     """
     n = null_vector(jacobian(mapping, near))
-    u, system, right = start.copy(), np.empty((4, 4)), np.zeros((4, 2))
+    u, right = start.copy(), np.zeros((4, 2))
     right[3, 1] = 1.0
     for _ in range(MAX_ITERATIONS):
-        J, v = jacobian(mapping, u), velocity(mapping, u)
-        right[3, 0] = 0.0
-        for i in range(4):
-            for r in range(3):
-                system[r, i] = J[r, i]
-            system[3, i] = n[i]
-            right[3, 0] += n[i] * (near[i] - u[i])
-        for r in range(3):
-            right[r, 0] = target[r] - v[r]
+        system, right[:, 0] = _equations(mapping, target, near, n, u)
         solution = solve_linear(system, right)
         step, along = solution[:, 0], solution[:, 1]
         least, most = _room(u, step, along, lower, upper)
@@ -180,19 +189,12 @@ def _at(
     start: np.ndarray,
 ) -> tuple[np.ndarray, bool]:
     """Returns the input (4,) that gives the target with n'(u - near) = s, and whether it does."""
-    u, system, right = start.copy(), np.empty((4, 4)), np.empty((4, 1))
+    u, right = start.copy(), np.empty((4, 1))
     for _ in range(MAX_ITERATIONS):
-        J, v = jacobian(mapping, u), velocity(mapping, u)
-        right[3, 0], error = s, 0.0
-        for i in range(4):
-            for r in range(3):
-                system[r, i] = J[r, i]
-            system[3, i] = n[i]
-            right[3, 0] -= n[i] * (u[i] - near[i])
-        for r in range(3):
-            right[r, 0] = target[r] - v[r]
-            error = max(error, abs(right[r, 0]))
-        if error <= CONVERGED and abs(right[3, 0]) <= CONVERGED * (1.0 + abs(s)):
+        system, right[:, 0] = _equations(mapping, target, near, n, u)
+        right[3, 0] += s
+        missing = np.abs(right[:, 0])
+        if np.max(missing[:3]) <= CONVERGED and missing[3] <= CONVERGED * (1.0 + abs(s)):
             return u, True
         u += solve_linear(system, right)[:, 0]
     return u, False
