@@ -1,6 +1,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+import machine_watch
 import pytest
 from browser import Browser, chromium
 from markupsafe import Markup
@@ -8,6 +9,23 @@ from markupsafe import Markup
 from mirte_drake.visualization.page import Page
 
 ROOT = Path(__file__).parents[1]
+
+
+def pytest_collection_modifyitems(items):
+    """Lets tests in real time have another try, but only where the machine stood still."""
+    again = pytest.mark.flaky(reruns=2, condition=machine_watch.stood_still)
+    for item in items:
+        if item.get_closest_marker("realtime"):
+            item.add_marker(again)
+
+
+@pytest.fixture(autouse=True)
+def _watched_machine(request):
+    if not request.node.get_closest_marker("realtime"):
+        yield
+        return
+    with machine_watch.watching():
+        yield
 
 
 @pytest.fixture(scope="session")

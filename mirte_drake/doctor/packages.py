@@ -3,7 +3,8 @@
 import importlib
 import importlib.metadata
 import platform
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from functools import cache
 
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
@@ -85,12 +86,17 @@ def check_package(requirement: Requirement, extra: str = "") -> Finding:
 def _module(name: str) -> str:
     """Returns the module to import of a package: that of its name, or its shortest public one."""
     wanted = name.lower().replace("-", "_")
-    owners = importlib.metadata.packages_distributions()
     modules = [
         module
-        for module, packages in owners.items()
+        for module, packages in _owners().items()
         if name.lower() in {package.lower() for package in packages}
     ]
     public = sorted((module for module in modules if not module.startswith("_")), key=len)
     same = [module for module in public if module.lower() == wanted]
     return [*same, *public, wanted][0]
+
+
+@cache  # It reads what every installed package lists: half a second each time.
+def _owners() -> Mapping[str, list[str]]:
+    """Returns the packages that each module belongs to."""
+    return importlib.metadata.packages_distributions()
