@@ -285,6 +285,25 @@ def test_command_follows_from_the_pose_of_its_own_instant(name):
     assert largest_correction > 1.0
 
 
+def test_with_play_a_command_follows_at_its_distance():
+    simulator = Simulator(
+        MakeDiagram(load_scenario("lagged_rectangle", ["wheel_command_limiter.play=1.5"]))
+    )
+    controller = simulator.get_system().GetSubsystemByName("controller")
+    law = controller.GetSubsystemByName("ancillary_lagged")
+    last, stayed = np.zeros(4), 0
+    for k in range(20):
+        advance_to_sample(simulator, k)
+        context = law.GetMyContextFromRoot(simulator.get_context())
+        asked = law.GetOutputPort("wheel_command").Eval(context)
+        expected = np.rint(np.clip(last, asked - 1.5, asked + 1.5))
+        told = read(simulator, "wheel_command")
+        np.testing.assert_array_equal(told, expected)
+        stayed += np.sum((told == last) & (np.rint(asked) != last))
+        last = told.copy()
+    assert stayed >= 5
+
+
 def test_input_limit_holds_for_plan_and_command():
     pose = np.array([0.0, 0.0, np.pi / 2])  # 0.6 m beside the path: full speed is needed.
     robot = SindycRobotConfig(initial_pose=pose)

@@ -6,10 +6,10 @@ The error of an axis is e = (position, velocity), in the robot's frame. Between 
 
 where w is the innovation of the observer, how far the measured position is from the predicted one,
 m w what the observer makes of it for the sample for which is planned, and q by how much the
-velocity that the wheels are told misses the one asked for, as whole percents do. All are of the
-robot's frame, so that none has to be turned but by the turn of that frame within one sample, which
-mixes forward with sideways: e_x+ = c e_x + s e_y, e_y+ = c e_y - s e_x. Left out are products of
-errors, and of the error of the yaw with a difference of two axes' lags.
+velocity that the wheels are told misses the one asked for, as play and whole percents do. All are
+of the robot's frame, so that none has to be turned but by the turn of that frame within one sample,
+which mixes forward with sideways: e_x+ = c e_x + s e_y, e_y+ = c e_y - s e_x. Left out are products
+of errors, and of the error of the yaw with a difference of two axes' lags.
 
 Two shapes:
 

@@ -28,11 +28,13 @@ def naming(field: str) -> Iterator[None]:
 def add_limiter_and_hold(
     builder: DiagramBuilder, scenario: Scenario
 ) -> tuple[WheelCommandLimiter, ZeroOrderHold]:
-    """Adds what a wheel command passes last: limiter and hold; the caller connects them."""
+    """Adds what a wheel command passes last: limiter, and hold of what the wheels are told."""
     limiter = AddWheelCommandLimiter(
         builder, scenario.wheel_command_limiter, input_limit=scenario.input_limit
     )
     hold = builder.AddNamedSystem("command_hold", ZeroOrderHold(scenario.period, len(WHEELS)))
+    builder.Connect(limiter.GetOutputPort("limited_command"), hold.get_input_port())
+    builder.Connect(hold.get_output_port(), limiter.GetInputPort("last_command"))
     return limiter, hold
 
 

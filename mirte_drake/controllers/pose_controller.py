@@ -48,6 +48,5 @@ def MakePoseController(scenario: Scenario, model: PredictionModel) -> Diagram:
     builder.ExportInput(feedback.GetInputPort("pose"), "pose")
     builder.ExportInput(feedback.GetInputPort("reference_window"), "reference_window")
     builder.Connect(feedback.GetOutputPort("wheel_command"), limiter.GetInputPort("wheel_command"))
-    builder.Connect(limiter.GetOutputPort("limited_command"), hold.get_input_port())
     builder.ExportOutput(hold.get_output_port(), "wheel_command")
     return built(builder)

@@ -66,7 +66,6 @@ def MakeTubeController(scenario: Scenario, model: PredictionModel) -> Diagram:
     limiter, hold = add_limiter_and_hold(builder, scenario)
     builder.ExportInput(nmpc.GetInputPort("state"), "pose")
     builder.ExportInput(nmpc.GetInputPort("reference_window"), "reference_window")
-    builder.Connect(limiter.GetOutputPort("limited_command"), hold.get_input_port())
     builder.Connect(hold.get_output_port(), nmpc.GetInputPort("applied_input"))
     builder.ExportOutput(hold.get_output_port(), "wheel_command")
     builder.ExportOutput(nmpc.GetOutputPort("plan"), "plan")

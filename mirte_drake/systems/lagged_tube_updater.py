@@ -34,16 +34,12 @@ class LaggedTubeConfig:
     # Whether the tube follows the bound that the coverage monitor calibrates; it then begins with
     # the one above. Coverage is on average over time, so that this tube is not invariant.
     calibrated: bool = False
-    # [pwm] By which a command may miss what is asked for: whole percents. Within the deadband it
-    # may miss by half of that; there the tube does not hold.
-    command_error: float = 0.5
     shape: str = "modes"  # "modes" or "ellipsoid", see ``control.lagged_tube``.
     gamma: float = 1.0  # [-] Of the ellipsoid, in terms of innovations as large as their bound.
 
     def validate(self) -> None:
         """Raises ValueError when a value is out of range."""
         check_array("innovation_bound", self.innovation_bound, (POSE_SIZE,), minimum=0)
-        check_number("command_error", self.command_error, minimum=0)
         check_choice("shape", self.shape, ("modes", "ellipsoid"))
         check_number("gamma", self.gamma, above=0)
 
@@ -100,6 +96,7 @@ class LaggedTubeUpdater(LeafSystem):
         period: float,
         horizon: int,
         input_limit: float,
+        command_error: float,
     ) -> None:
         """Declares ports and state.
 
@@ -111,13 +108,19 @@ class LaggedTubeUpdater(LeafSystem):
             period: [s] sample time T_s.
             horizon: N, stages that get bounds.
             input_limit: [pwm] bound of every effective command.
+            command_error: [pwm] by which a command may miss what is asked for. Within the deadband
+                it may miss by half of that; there the tube does not hold.
+
+        Raises:
+            ValueError: when ``command_error`` is negative.
         """
         super().__init__()
         config.validate()
+        check_number("command_error", command_error, minimum=0)
         self._gains, self._horizon, self._limit = gains, horizon, input_limit
         self._map = model.effective().steady_velocity_jacobian(np.zeros(model.num_inputs))
         self._bound, self._period = config.innovation_bound, period
-        missed = np.abs(self._map) @ (config.command_error * np.max(model.wheel_shares, axis=0))
+        missed = np.abs(self._map) @ (command_error * np.max(model.wheel_shares, axis=0))
         self._tube: ModeTube | EllipsoidTube = (
             ModeTube(loop, missed)
             if config.shape == "modes"
@@ -193,10 +196,18 @@ def AddLaggedTubeUpdater(
     period: float,
     horizon: int,
     input_limit: float,
+    command_error: float,
     name: str = "lagged_tube_updater",
 ) -> LaggedTubeUpdater:
     """Adds a LaggedTubeUpdater to ``builder``; the caller connects its ports."""
     system = LaggedTubeUpdater(
-        config, model, loop, gains, period=period, horizon=horizon, input_limit=input_limit
+        config,
+        model,
+        loop,
+        gains,
+        period=period,
+        horizon=horizon,
+        input_limit=input_limit,
+        command_error=command_error,
     )
     return builder.AddNamedSystem(name, system)

@@ -10,6 +10,7 @@ from mirte_drake.systems.wheel_command_limiter import (
     WheelCommandLimiter,
     WheelCommandLimiterConfig,
     limit_wheel_command,
+    with_play,
 )
 
 ANY_COMMAND = st.lists(st.floats(), min_size=4, max_size=4).map(np.array)
@@ -20,17 +21,19 @@ ANY_CONFIG = {
 }
 
 
-def limited(command, *, input_limit=100.0, **config) -> list[float]:
+def limited(command, last=(0.0, 0.0, 0.0, 0.0), *, input_limit=100.0, **config) -> list[float]:
     dut = WheelCommandLimiter(WheelCommandLimiterConfig(**config), input_limit=input_limit)
     context = dut.CreateDefaultContext()
     dut.GetInputPort("wheel_command").FixValue(context, np.array(command))
+    dut.GetInputPort("last_command").FixValue(context, np.array(last))
     return dut.GetOutputPort("limited_command").Eval(context).tolist()
 
 
 def test_ports_and_feedthrough():
     dut = WheelCommandLimiter(WheelCommandLimiterConfig())
-    assert port_table(dut) == ({"wheel_command": 4}, {"limited_command": 4})
-    assert feedthrough(dut) == {("wheel_command", "limited_command")}
+    inputs = {"wheel_command": 4, "last_command": 4}
+    assert port_table(dut) == (inputs, {"limited_command": 4})
+    assert feedthrough(dut) == {(name, "limited_command") for name in inputs}
 
 
 def test_saturates_each_wheel():
@@ -51,6 +54,44 @@ def test_rounds_to_the_nearest_integer():
 
 def test_command_that_is_not_finite_stops_its_wheel_alone():
     assert limited([np.nan, np.inf, -np.inf, 30.0]) == [0.0, 0.0, 0.0, 30.0]
+
+
+def test_a_command_moves_no_farther_than_to_within_the_play():
+    asked, last = [11.0, 14.0, 7.5, -1.0], [10.0, 10.0, 10.0, 10.0]
+    assert limited(asked, last, play=2.0) == [10.0, 12.0, 9.5, 1.0]
+    assert limited(asked, last, play=2.0, round_to_integer=True) == [10.0, 12.0, 10.0, 1.0]
+    assert limited(asked, last) == asked
+
+
+def test_play_keeps_no_wheel_from_stopping():
+    assert limited([0.0, 0.5, np.nan, np.inf], [1.0] * 4, play=1.0) == [0.0, 1.0, 0.0, 0.0]
+
+
+def test_noise_within_the_play_turns_no_command_around():
+    noise = np.random.default_rng(0).uniform(-1, 1, (200, 4))
+    command, commands = np.zeros(4), []
+    for k, n in enumerate(noise):
+        command = with_play(0.1 * k + 20.0 + n, command, 1.0)
+        commands.append(command)
+    assert np.all(np.diff(commands, axis=0) >= 0)  # As what is asked for without the noise.
+
+
+def test_the_error_is_that_of_play_and_rounding():
+    config = WheelCommandLimiterConfig(play=1.5, round_to_integer=True)
+    assert config.error == 2.0
+    assert WheelCommandLimiterConfig().error == 0.0
+
+
+LAST = st.lists(st.integers(-100, 100).map(float), min_size=4, max_size=4)
+ASKED = st.lists(st.floats(-99, 99), min_size=4, max_size=4)
+
+
+@given(asked=ASKED, last=LAST, play=st.floats(0, 5), round_to_integer=st.booleans())
+def test_play_and_rounding_miss_by_the_error_at_most_and_settle(asked, last, **config):
+    error = WheelCommandLimiterConfig(**config).error
+    once = limited(asked, last, **config)
+    assert np.all(np.abs(np.subtract(once, asked)) <= error + 1e-9)
+    assert limited(asked, once, **config) == pytest.approx(once, abs=1e-12)
 
 
 @given(command=ANY_COMMAND, **ANY_CONFIG)
@@ -79,16 +120,19 @@ def test_contexts_do_not_share_commands():
     dut = WheelCommandLimiter(WheelCommandLimiterConfig())
     port, output = dut.GetInputPort("wheel_command"), dut.GetOutputPort("limited_command")
     first, second = dut.CreateDefaultContext(), dut.CreateDefaultContext()
+    for context in (first, second):
+        dut.GetInputPort("last_command").FixValue(context, np.zeros(4))
     port.FixValue(first, np.full(4, 20.0))
     port.FixValue(second, np.full(4, -30.0))
     assert output.Eval(first).tolist() == [20.0] * 4
     assert output.Eval(second).tolist() == [-30.0] * 4
 
 
-@pytest.mark.parametrize("deadband", [-1.0, np.nan, np.inf])
-def test_rejects_bad_deadband(deadband):
-    with pytest.raises(ValueError, match=r"^deadband: "):
-        WheelCommandLimiter(WheelCommandLimiterConfig(deadband=deadband))
+@pytest.mark.parametrize("field", ["deadband", "play"])
+@pytest.mark.parametrize("value", [-1.0, np.nan, np.inf])
+def test_rejects_bad_config(field, value):
+    with pytest.raises(ValueError, match=f"^{field}: "):
+        WheelCommandLimiter(WheelCommandLimiterConfig(**{field: value}))
 
 
 @pytest.mark.parametrize("input_limit", [-1.0, np.nan])
