@@ -156,6 +156,12 @@ class Scenario:
                 )
         if self.lagged_tube is not None and not lagged:
             raise ValueError("lagged_tube: must be null without a lagged prediction model")
+        deadband = self.wheel_command_limiter.deadband
+        if self.lagged_tube is not None and deadband > 0:
+            raise ValueError(
+                "wheel_command_limiter.deadband: must be 0 with lagged_tube, whose law passes the "
+                f"robot's own, got {deadband:g}"
+            )
         for field in ("ancillary_dlqr", "ancillary_inversion"):
             if lagged and getattr(self, field) is not None:
                 raise ValueError(f"{field}: must be null with a lagged prediction model")

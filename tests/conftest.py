@@ -11,8 +11,10 @@ from mirte_drake.visualization.page import Page
 ROOT = Path(__file__).parents[1]
 
 
-def pytest_collection_modifyitems(items):
+def pytest_collection_modifyitems(config, items):
     """Lets tests in real time have another try, but only where the machine stood still."""
+    if config.option.usepdb:  # Which no test may have that is run again.
+        return
     again = pytest.mark.flaky(reruns=2, condition=machine_watch.stood_still)
     for item in items:
         if item.get_closest_marker("realtime"):
@@ -24,8 +26,8 @@ def _watched_machine(request):
     if not request.node.get_closest_marker("realtime"):
         yield
         return
-    with machine_watch.watching():
-        yield
+    with machine_watch.watching() as watch:
+        yield watch
 
 
 @pytest.fixture(scope="session")

@@ -14,6 +14,7 @@ from mirte_drake.comparison import (
     trials,
 )
 from mirte_drake.control.excitation import ExcitationConfig
+from mirte_drake.identification import fit_robot
 from mirte_drake.identification.csv_file import save_csv
 from mirte_drake.identification.synthetic_recording import (
     SyntheticRecordingConfig,
@@ -112,6 +113,7 @@ def test_every_block_runs(tmp_path, monkeypatch, capsys):
     every = pages.blocks(README_FILE)
     assert sum(len(block.commands) for block in every) == 45
     assert not any(block.not_run for block in every)
+    monkeypatch.setattr(fit_robot, "STRUCTURES", fit_robot.STRUCTURES[:1])
     # Nobody is there to stop what is watched.
     monkeypatch.setattr(RunControls, "read", lambda controls: Wish(1.0, False, 0, stop=True))
     with pages.Reader() as reader:

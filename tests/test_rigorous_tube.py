@@ -93,9 +93,12 @@ def test_the_published_tube_does_not_hold_what_ours_does():
 
 
 @paths
-def test_it_holds_with_the_robots_deadband_and_rounding(path):
+def test_it_holds_with_the_robots_deadband_rounding_and_play(path):
     """Then the law does not get what it asks for; the tube takes what was applied into account."""
-    limiter = ["wheel_command_limiter={deadband: 10, round_to_integer: true}", "duration=8"]
+    limiter = [
+        "wheel_command_limiter={deadband: 10, round_to_integer: true, play: 2}",
+        "duration=8",
+    ]
     run = simulate(
         load_scenario(f"rigorous_{path}", [*limiter, "disturbance=!CornerDisturbance {}"]), path
     )

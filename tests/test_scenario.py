@@ -116,6 +116,10 @@ def test_a_delay_is_the_estimators_or_the_models():
             "lagged_tube.innovation_bound: every entry must be",
         ),
         (["lagged_tube.shape=box"], "lagged_tube.shape: must be one of"),
+        (
+            ["wheel_command_limiter.deadband=10"],
+            "wheel_command_limiter.deadband: must be 0 with lagged_tube",
+        ),
     ],
 )
 def test_the_parts_of_a_controller_fit_its_model(overrides, message):

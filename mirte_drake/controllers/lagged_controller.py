@@ -106,8 +106,8 @@ def MakeLaggedController(scenario: Scenario, model: LaggedModel) -> Diagram:
     builder.Connect(estimator.GetOutputPort("bias"), ancillary.GetInputPort("bias"))
     builder.Connect(nmpc.GetOutputPort("plan"), ancillary.GetInputPort("plan"))
     builder.Connect(ancillary.GetOutputPort("wheel_command"), limiter.GetInputPort("wheel_command"))
-    told = limiter.GetOutputPort("limited_command")
-    builder.Connect(told, estimator.GetInputPort("wheel_command"))
+    limited = limiter.GetOutputPort("limited_command")
+    builder.Connect(limited, estimator.GetInputPort("wheel_command"))
     builder.ExportOutput(hold.get_output_port(), "wheel_command")
     builder.ExportOutput(nmpc.GetOutputPort("plan"), "plan")
     builder.ExportOutput(nmpc.GetOutputPort("solve_status"), "solve_status")
@@ -147,7 +147,7 @@ def _add_tube(
         period=period,
         horizon=scenario.nominal_nmpc.horizon,
         input_limit=model.effective_limit(scenario.input_limit),
-        command_error=scenario.wheel_command_limiter.error,
+        command_error=scenario.wheel_command_limiter.command_error,
     )
     for port in ("state", "bias"):
         builder.Connect(estimator.GetOutputPort(port), updater.GetInputPort(port))

@@ -109,7 +109,7 @@ class LaggedTubeUpdater(LeafSystem):
             horizon: N, stages that get bounds.
             input_limit: [pwm] bound of every effective command.
             command_error: [pwm] by which a command may miss what is asked for. Within the deadband
-                it may miss by half of that; there the tube does not hold.
+                it may miss by half of that more; there the tube does not hold.
 
         Raises:
             ValueError: when ``command_error`` is negative.

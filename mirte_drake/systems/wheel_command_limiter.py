@@ -7,6 +7,8 @@ from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, Leaf
 
 from mirte_drake.checks import check_number
 
+MAX_PLAY = 20.0  # [pwm] With more, a robot hardly follows.
+
 
 @dc.dataclass
 class WheelCommandLimiterConfig:
@@ -15,26 +17,30 @@ class WheelCommandLimiterConfig:
     deadband: float = 0.0  # [pwm] Smaller commands become zero. The robot's own is 10.
     round_to_integer: bool = False  # The robot takes whole percent.
     # [pwm] A wheel's command stays what it was until what is asked for is farther off than this,
-    # and then follows at this distance: noise within it turns no motor back and forth.
+    # and then follows at this distance: noise within it turns no motor back and forth. It stops
+    # where zero is asked for, or less than the deadband. The published tube reckons with neither
+    # play nor deadband and rounding.
     play: float = 0.0
 
     def validate(self) -> None:
         """Raises ValueError when a value is out of range."""
         check_number("deadband", self.deadband, minimum=0)
-        check_number("play", self.play, minimum=0)
+        check_number("play", self.play, minimum=0, maximum=MAX_PLAY)
 
     @property
-    def error(self) -> float:
-        """How far off [pwm] from what is asked for, beyond the deadband and within the limits."""
+    def command_error(self) -> float:
+        """How far [pwm] a command is from what is asked for, without deadband, within limits."""
         return self.play + 0.5 * self.round_to_integer
 
 
-def with_play(command: np.ndarray, last: np.ndarray, play: float) -> np.ndarray:
+def with_play(command: np.ndarray, last: np.ndarray, *, play: float, deadband: float) -> np.ndarray:
     """Returns the last command [pwm], moved to within the play [pwm] of what is asked for.
 
-    The play operator of hysteresis. A wheel that is asked to stop does.
+    The play operator of hysteresis. A wheel of which zero is asked, or less than the deadband,
+    stops.
     """
-    return np.where(command == 0, 0.0, np.clip(last, command - play, command + play))
+    stops = (command == 0) | (np.abs(command) < deadband)
+    return np.where(stops, 0.0, np.clip(last, command - play, command + play))
 
 
 def limit_wheel_command(
@@ -68,11 +74,11 @@ class WheelCommandLimiter(LeafSystem):
     port                type         unit   meaning
     ==================  ===========  =====  =============================================
     wheel_command (in)  vector (4,)  [pwm]  asked for; any numbers, even not finite
-    last_command (in)   vector (4,)  [pwm]  what the wheels were told last, for the play
+    last_command (in)   vector (4,)  [pwm]  what the wheels were told last; open: no play
     limited_command     vector (4,)  [pwm]  finite, within +-limit
     ==================  ===========  =====  =============================================
 
-    What it gives is what it gives again when that is the last command.
+    Without a deadband, what it gives it gives again when that is the last command.
 
     Raises:
         ValueError: when ``config`` is out of range (at construction).
@@ -96,13 +102,16 @@ class WheelCommandLimiter(LeafSystem):
         )
 
     def _calc(self, context: Context, output: BasicVector) -> None:
-        command, last = self._input.Eval(context), self._last.Eval(context)
+        config, command = self._config, self._input.Eval(context)
+        if self._last.HasValue(context):
+            last = self._last.Eval(context)
+            command = with_play(command, last, play=config.play, deadband=config.deadband)
         output.SetFromVector(
             limit_wheel_command(
-                with_play(command, last, self._config.play),
+                command,
                 limit=self._limit,
-                deadband=self._config.deadband,
-                round_to_integer=self._config.round_to_integer,
+                deadband=config.deadband,
+                round_to_integer=config.round_to_integer,
             )
         )
 

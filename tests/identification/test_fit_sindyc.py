@@ -47,7 +47,9 @@ def test_published_mode_gives_the_published_coefficients(training, kind):
             assert units_of_the_fifth_digit(found.derivatives[state][term], printed) <= 2.0
 
 
-@pytest.mark.parametrize("kind", ["kinematic", "extended_kinematic"])
+@pytest.mark.parametrize(
+    "kind", [pytest.param("kinematic", marks=pytest.mark.slow), "extended_kinematic"]
+)
 def test_pysindy_finds_the_same(training, kind):
     """Its STLSQ without a threshold of its own, looped with ours outside: see its documentation.
 

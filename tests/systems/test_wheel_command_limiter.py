@@ -65,21 +65,29 @@ def test_a_command_moves_no_farther_than_to_within_the_play():
 
 def test_play_keeps_no_wheel_from_stopping():
     assert limited([0.0, 0.5, np.nan, np.inf], [1.0] * 4, play=1.0) == [0.0, 1.0, 0.0, 0.0]
+    assert limited([8.5, -9.0, 10.5, 0.0], [12.0] * 4, play=2.0, deadband=10.0) == [0, 0, 12, 0]
+
+
+def test_where_the_last_command_is_not_known_there_is_no_play():
+    dut = WheelCommandLimiter(WheelCommandLimiterConfig(play=5.0))
+    context = dut.CreateDefaultContext()
+    dut.GetInputPort("wheel_command").FixValue(context, [1.0, 2.0, 3.0, 4.0])
+    assert dut.GetOutputPort("limited_command").Eval(context).tolist() == [1.0, 2.0, 3.0, 4.0]
 
 
 def test_noise_within_the_play_turns_no_command_around():
     noise = np.random.default_rng(0).uniform(-1, 1, (200, 4))
     command, commands = np.zeros(4), []
     for k, n in enumerate(noise):
-        command = with_play(0.1 * k + 20.0 + n, command, 1.0)
+        command = with_play(0.1 * k + 20.0 + n, command, play=1.0, deadband=0.0)
         commands.append(command)
     assert np.all(np.diff(commands, axis=0) >= 0)  # As what is asked for without the noise.
 
 
 def test_the_error_is_that_of_play_and_rounding():
     config = WheelCommandLimiterConfig(play=1.5, round_to_integer=True)
-    assert config.error == 2.0
-    assert WheelCommandLimiterConfig().error == 0.0
+    assert config.command_error == 2.0
+    assert WheelCommandLimiterConfig().command_error == 0.0
 
 
 LAST = st.lists(st.integers(-100, 100).map(float), min_size=4, max_size=4)
@@ -88,7 +96,7 @@ ASKED = st.lists(st.floats(-99, 99), min_size=4, max_size=4)
 
 @given(asked=ASKED, last=LAST, play=st.floats(0, 5), round_to_integer=st.booleans())
 def test_play_and_rounding_miss_by_the_error_at_most_and_settle(asked, last, **config):
-    error = WheelCommandLimiterConfig(**config).error
+    error = WheelCommandLimiterConfig(**config).command_error
     once = limited(asked, last, **config)
     assert np.all(np.abs(np.subtract(once, asked)) <= error + 1e-9)
     assert limited(asked, once, **config) == pytest.approx(once, abs=1e-12)
@@ -128,8 +136,10 @@ def test_contexts_do_not_share_commands():
     assert output.Eval(second).tolist() == [-30.0] * 4
 
 
-@pytest.mark.parametrize("field", ["deadband", "play"])
-@pytest.mark.parametrize("value", [-1.0, np.nan, np.inf])
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [*((field, v) for field in ("deadband", "play") for v in (-1.0, np.nan, np.inf)), ("play", 21)],
+)
 def test_rejects_bad_config(field, value):
     with pytest.raises(ValueError, match=f"^{field}: "):
         WheelCommandLimiter(WheelCommandLimiterConfig(**{field: value}))

@@ -47,9 +47,10 @@ def test_feedback_is_drawn_backward():
         ("sindyc_robot", "controller/ancillary_dlqr", "pose"),
         ("sindyc_robot", "controller/nominal_nmpc", "pose"),
         ("controller/command_hold", "controller/nominal_nmpc", "applied input"),
+        ("controller/command_hold", "controller/wheel_command_limiter", "last command"),
     ):  # fmt: skip
         assert f'"{target}" -> "{source}" [label="{label}", dir=back, weight=0];' in dot
-    assert dot.count("dir=back") == 4
+    assert dot.count("dir=back") == 5
 
 
 def test_the_longest_way_forward_is_one_row():
