@@ -116,6 +116,7 @@ def test_converged_solutions_are_the_optimum_and_one_iteration_is_near_it(name, 
     assert np.mean(gaps(name, seed, "realtime", every)) < 1e-4
 
 
+@pytest.mark.slow
 def test_snopt_and_ipopt_agree_on_logged_problems():
     checked = 0
     for name, count in (("rectangle", 34), ("circle", 33), ("turning_circle", 33)):

@@ -1,6 +1,7 @@
 """Thousands of problems that no controller should meet, and each must end well."""
 
 import functools
+import os
 
 import numpy as np
 import pytest
@@ -121,6 +122,8 @@ def test_hard_problems_end_in_a_minimum_within_the_bounds(problem):
 
 
 @pytest.mark.slow
-def test_thousands_of_hard_problems_end_in_a_minimum_within_the_bounds(problem):
-    same, relaxed = check(problem, range(4000))
-    assert same > 0.85 * 4000 and relaxed > 0.5 * 4000
+def test_many_hard_problems_end_in_a_minimum_within_the_bounds(problem):
+    """HARD_PROBLEMS=4000 in the environment has so many."""
+    count = int(os.environ.get("HARD_PROBLEMS", "1000"))
+    same, relaxed = check(problem, range(count))
+    assert same > 0.85 * count and relaxed > 0.5 * count

@@ -23,7 +23,7 @@ TURN = 50.0 * np.array([-1, 1, 1, -1])  # Counter-clockwise.
 FORWARD_LEFT = 50.0 * np.array([0, 1, 0, 1])
 FORWARD_RIGHT = 50.0 * np.array([1, 0, 1, 0])
 STOP = np.zeros(4)
-RANDOM_DRIVE = float(os.environ.get("RANDOM_DRIVE", "180"))  # [s]
+RANDOM_DRIVE = float(os.environ.get("RANDOM_DRIVE", "120"))  # [s]
 
 
 class Drive:

@@ -69,6 +69,7 @@ def test_input_figure_has_four_wheels_with_their_bounds(logs):
         )
 
 
+@pytest.mark.slow
 def test_the_same_log_gives_the_same_files(logs, tmp_path):
     for folder in ("one", "two"):
         save_figures(logs["rectangle"], tmp_path / folder, input_limit=100.0)
