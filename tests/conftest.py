@@ -26,8 +26,8 @@ def _watched_machine(request):
     if not request.node.get_closest_marker("realtime"):
         yield
         return
-    with machine_watch.watching() as watch:
-        yield watch
+    with machine_watch.watching():
+        yield
 
 
 @pytest.fixture(scope="session")

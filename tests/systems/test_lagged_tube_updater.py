@@ -43,12 +43,12 @@ def make_plan(turn=0.03):
     return dc.replace(plan, states=states, inputs=np.arange(12.0).reshape(HORIZON, 4))
 
 
-RATES = {"period": 0.1, "horizon": HORIZON, "input_limit": LIMIT}
+SETUP = {"period": 0.1, "horizon": HORIZON, "input_limit": LIMIT}
 
 
 def make_dut(command_error=0.5, **config) -> LaggedTubeUpdater:
     config = LaggedTubeConfig(**{"innovation_bound": BOUND, **config})
-    return LaggedTubeUpdater(config, MODEL, LOOP, K, command_error=command_error, **RATES)
+    return LaggedTubeUpdater(config, MODEL, LOOP, K, command_error=command_error, **SETUP)
 
 
 def simulate(dut, plan=None, bias=BIAS) -> Simulator:
@@ -115,7 +115,7 @@ def test_a_wheel_whose_directions_differ_misses_more():
     gain[1, 2] = 0.3  # 1.2 of the mean of both directions.
     uneven = LaggedModel("uneven", LaggedParameters(lag=LAG, wheel_gain=gain))
     config = LaggedTubeConfig(innovation_bound=BOUND)
-    simulator = simulate(LaggedTubeUpdater(config, uneven, LOOP, K, command_error=0.5, **RATES))
+    simulator = simulate(LaggedTubeUpdater(config, uneven, LOOP, K, command_error=0.5, **SETUP))
     simulator.AdvanceTo(0.05)
     by_wheel = uneven.effective().steady_velocity_jacobian(np.zeros(4))
     tube = ModeTube(LOOP, np.abs(by_wheel) @ [0.5, 0.5, 0.6, 0.5])
@@ -185,7 +185,7 @@ def test_rejects_bad_config(field, value):
 def test_add_names_and_returns_the_system():
     builder = DiagramBuilder()
     dut = AddLaggedTubeUpdater(
-        builder, LaggedTubeConfig(), MODEL, LOOP, K, command_error=0.5, name="tube", **RATES
+        builder, LaggedTubeConfig(), MODEL, LOOP, K, command_error=0.5, name="tube", **SETUP
     )
     assert isinstance(dut, LaggedTubeUpdater)
     assert builder.Build().GetSubsystemByName("tube") is dut
