@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context
 
 from mirte_drake.hardware.link import Link
 from mirte_drake.hardware.messages import Odometry, WheelCommand
@@ -56,6 +57,7 @@ class StandIn:
         self._context = self._simulator.get_mutable_context()
         self._command = np.zeros(len(WHEELS))
         self._diagram.GetInputPort("wheel_command").FixValue(self._context, self._command)
+        self._warm_up()
         self._simulator.Initialize()
         self._start: float | None = None  # Of simulated time on the clock.
         self._next = clock()  # When odometry is due.
@@ -91,13 +93,23 @@ class StandIn:
         while self._next <= now:
             self._next += PERIOD
 
+    def _warm_up(self) -> None:
+        """Moves a copy for one period: compiling a model, or loading it, would delay odometry."""
+        context = self._context.Clone()
+        self._diagram.GetInputPort("wheel_command").FixValue(context, np.ones(len(WHEELS)))
+        Simulator(self._diagram, context).AdvanceTo(PERIOD)
+        self._odometry(context)
+
+    def _odometry(self, context: Context) -> tuple[np.ndarray, np.ndarray]:
+        pose, velocity = (
+            self._diagram.GetOutputPort(port).Eval(context) for port in ("pose", "body_velocity")
+        )
+        return pose, velocity
+
     def _send_odometry(self) -> None:
         self._advance(self._next)
-        pose, velocity = (
-            self._diagram.GetOutputPort(port).Eval(self._context)
-            for port in ("pose", "body_velocity")
-        )
-        self._link.send(Odometry(self._wall + round(1e9 * self._next), pose, velocity))
+        stamp = self._wall + round(1e9 * self._next)
+        self._link.send(Odometry(stamp, *self._odometry(self._context)))
         self._next += PERIOD
         self._sent_at = self._clock()
         self.log.odometry_sent += 1

@@ -1,4 +1,5 @@
 import dataclasses as dc
+import multiprocessing
 
 import numpy as np
 import pytest
@@ -67,6 +68,29 @@ def test_velocity_is_that_of_the_motion_before_whatever_the_clock_reads(start):
     rate = np.array([message.body_velocity[2] for _, message in link.sent])
     assert np.ptp(rate) > 0.1
     np.testing.assert_allclose(np.diff(yaw)[3:] / PERIOD, rate[4:], atol=0.01)
+
+
+def compiled_while_it_drives(kind):
+    """Names of the functions that a new process compiles, or loads, after it is on the wire."""
+    from numba.core.dispatcher import Dispatcher
+
+    link = ScriptedLink(Role.ROBOT)
+    robot = StandIn(still(robot=f"!{kind}RobotConfig {{}}"), link, link.clock)
+    link.at(100.2, WheelCommand(FORWARD))
+    late, compiling = [], Dispatcher.compile
+    Dispatcher.compile = lambda self, of: late.append(self.py_func.__name__) or compiling(self, of)
+    while link.now < 101.0:
+        robot.step()
+    assert len(link.sent) > 5
+    assert link.sent[-1][1].body_velocity[0] > 0.1
+    return late
+
+
+@pytest.mark.parametrize("kind", ["Sindyc", "Dynamic", "Multibody"])
+def test_nothing_is_compiled_while_it_drives(kind):
+    """It takes a third of a second even where it is only loaded: the drive would end for it."""
+    with multiprocessing.get_context("spawn").Pool(1) as process:
+        assert process.apply(compiled_while_it_drives, [kind]) == []
 
 
 def test_the_last_command_persists():
