@@ -11,6 +11,7 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.transforms import Bbox
 
 from mirte_drake.files import replacing
 
@@ -89,10 +90,21 @@ def write_figures(figures: Mapping[str, Callable[[], Figure]], folder: Path) -> 
     with matplotlib.rc_context(RC_PARAMS):
         for name, draw in figures.items():
             figure = draw()
+            area = _lay_out(figure)
             for suffix in FORMATS:
                 path = folder / f"{name}.{suffix}"
                 metadata = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(suffix)
                 with replacing(path) as temporary:
-                    figure.savefig(temporary, dpi=200, metadata=metadata, bbox_inches="tight")
+                    figure.savefig(temporary, dpi=200, metadata=metadata, bbox_inches=area)
                 paths.append(path)
     return paths
+
+
+def _lay_out(figure: Figure) -> Bbox:
+    """Gives all of a figure its place, once for all formats, and returns the area [inches] of it.
+
+    ``savefig`` would do so for each format, which takes as long as drawing does.
+    """
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    return figure.get_tightbbox().padded(matplotlib.rcParams["savefig.pad_inches"])
