@@ -1,6 +1,7 @@
 # `make demo` and `make test` set up everything they need in $(VENV) on the first call.
 PYTHON ?= python3
 VENV ?= .venv
+SITE ?= docs/_build
 BIN := $(VENV)/bin
 # The controller's matrices are small: threads only get in each other's way.
 export OMP_NUM_THREADS := 1
@@ -23,8 +24,8 @@ lint: $(VENV)/installed
 	$(BIN)/mypy
 
 docs: $(VENV)/installed
-	$(BIN)/python -m sphinx -W --keep-going -q docs docs/_build
-	@echo "Open docs/_build/index.html"
+	$(BIN)/python -m sphinx -W --keep-going -q docs $(SITE)
+	@echo "Open $(SITE)/index.html"
 
 # Redraws the pictures beside the scenarios.
 diagrams: $(VENV)/installed

@@ -73,6 +73,7 @@ def test_the_text_holds_what_the_command_gives(name, override, outside):
     check(name, rmse, outside, override)
 
 
+@pytest.mark.slow
 def test_the_slippery_floor_is_as_the_text_says():
     settings = [robot_override("multibody"), "robot.floor_friction=0.05"]
     summary = summarise(simulate(load_scenario("turning_circle", settings), "turning_circle"))
@@ -87,10 +88,12 @@ def test_the_comparison_has_every_scenario_on_every_robot():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scenario", ["rectangle", "lagged_rectangle"])
-def test_the_comparison_is_what_the_command_gives(scenario):
+@pytest.mark.parametrize(
+    ("scenario", "robot"), [("rectangle", "sindyc"), ("lagged_rectangle", "dynamic")]
+)
+def test_the_comparison_is_what_the_command_gives(scenario, robot):
     """Where it is soon found out: on the robots without rigid bodies."""
-    todo = trials([scenario], ["sindyc", "dynamic"], runs=20)
+    todo = trials([scenario], [robot], runs=20)
     text = comparison_text(comparison(todo, run_trials(todo)))
     for line in text.splitlines()[3:]:
         name, robot, *numbers = line.split()
@@ -104,6 +107,7 @@ def test_the_comparison_is_what_the_command_gives(scenario):
                 assert number == value
 
 
+@pytest.mark.slow
 @pytest.mark.xdist_group("wire")
 def test_every_block_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
