@@ -96,7 +96,7 @@ def test_the_comparison_is_what_the_command_gives(scenario, robot):
     todo = trials([scenario], [robot], runs=20)
     text = comparison_text(comparison(todo, run_trials(todo)))
     for line in text.splitlines()[3:]:
-        name, robot, *numbers = line.split()
+        name, _, *numbers = line.split()
         (printed,) = re.findall(rf"^{name} +{robot} +(.*)$", COMPARISON, re.M)
         # The last digit may be rounded differently, and a sample may fall on the other side.
         tolerances = [1.01] * 6 + [0.5] * 3 + [0.1]
@@ -107,27 +107,45 @@ def test_the_comparison_is_what_the_command_gives(scenario, robot):
                 assert number == value
 
 
+def at_the_wire(block: pages.Block) -> bool:
+    return any("--transport" in command or " faults " in command for command in block.commands)
+
+
+def test_every_command_is_run():
+    every = pages.blocks(README_FILE)
+    assert sum(len(block.commands) for block in every) == 45
+    assert sum(map(at_the_wire, every)) == 6
+    assert not any(block.not_run for block in every)
+
+
 @pytest.mark.slow
-@pytest.mark.xdist_group("wire")
-def test_every_block_runs(tmp_path, monkeypatch, capsys):
+def test_every_block_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     excitation = ExcitationConfig(duration=20.0, random_duration=10.0)
     run = synthetic_recording(config=SyntheticRecordingConfig(excitation))
     save_csv(run, tmp_path / "run.csv")
     save_csv(run, tmp_path / "other_run.csv")
-    every = pages.blocks(README_FILE)
-    assert sum(len(block.commands) for block in every) == 45
-    assert not any(block.not_run for block in every)
     monkeypatch.setattr(fit_robot, "STRUCTURES", fit_robot.STRUCTURES[:1])
     # Nobody is there to stop what is watched.
     monkeypatch.setattr(RunControls, "read", lambda controls: Wish(1.0, False, 0, stop=True))
     with pages.Reader() as reader:
-        for block in every:
-            reader.run(block)
+        for block in pages.blocks(README_FILE):
+            if not at_the_wire(block):
+                reader.run(block)
     assert (tmp_path / "my_circle" / "summary.json").is_file()
     assert (tmp_path / "my_circle" / "replay.html").is_file()
     assert (tmp_path / "mine.yaml").is_file()
     assert (tmp_path / "fleet" / "weak_wheels.yaml").is_file()
+
+
+@pytest.mark.slow
+@pytest.mark.realtime
+@pytest.mark.xdist_group("wire")
+def test_every_block_at_the_wire_runs(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    with pages.Reader() as reader:
+        for block in filter(at_the_wire, pages.blocks(README_FILE)):
+            reader.run(block)
     assert (tmp_path / "runs" / "rectangle" / "drive.mcap").is_file()
     assert "zeros sent" in capsys.readouterr().out
 
